@@ -1,0 +1,1 @@
+"""Measures a camera: lens, readout time and response."""

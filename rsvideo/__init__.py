@@ -1,0 +1,1 @@
+"""Removes motion blur and rolling-shutter distortion together, from ordinary hand-held footage."""

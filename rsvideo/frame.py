@@ -1,0 +1,42 @@
+"""A frame as decoded, and what became of it."""
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Trajectory
+
+
+class Verdict(enum.StrEnum):
+    """What became of a frame; the values are the sentences a person reads."""
+
+    RESTORED = "restored"
+    SHARP = "left as it was: the frame is sharp already"
+    NO_TEXTURE = "left as it was: the frame has no texture to measure motion by"
+    UNEXPLAINED = "left as it was: one camera motion does not explain its blur"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """One frame in sensor order, in linear light."""
+
+    pixels: Float[np.ndarray, "rows cols channels"]  # linear light in [0, 1], float32
+    clipped: Bool[np.ndarray, "rows cols channels"]  # codes at the sensor's or the file's upper limit
+    time: float = 0.0  # seconds, when row 0 opens
+    index: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameResult:
+    """All that a writer and a report need to know of one restored frame."""
+
+    frame: Frame
+    timing: ShutterTiming
+    timing_source: str
+    trajectory: Trajectory  # at(timing.middle) is the origin
+    latent: Float[np.ndarray, "rows cols channels"]  # linear light; the frame's own pixels where it was left as it was
+    verdict: Verdict
+    seconds: float

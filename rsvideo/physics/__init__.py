@@ -1,0 +1,1 @@
+"""How a rolling-shutter camera writes a frame."""

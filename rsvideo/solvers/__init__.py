@@ -1,0 +1,1 @@
+"""How to invert: arrays in, arrays out, no camera."""
