@@ -1,0 +1,34 @@
+"""What all tests share: shapes and types checked at every call, and the folder of external cases."""
+
+import os
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+# an int is a float here, as PEP 484 has it; compiled kernels carry @no_type_check
+install_import_hook(["rsvideo", "calibration"], "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of rendered and recorded cases that do not ship with the project."""
+    folder = Path(os.environ.get("RSVIDEO_SHARED") or CHECKOUT.parent / "shared")
+    if not (folder / "cases").is_dir():
+        pytest.skip(f"no cases in {folder}; set RSVIDEO_SHARED to the folder that holds cases/ and real/")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def samples() -> Path:
+    """The samples that ship with the project."""
+    return CHECKOUT / "samples"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Everything in tests/benchmarks carries the marker that leaves it out of an ordinary run."""
+    for item in items:
+        if CHECKOUT / "tests" / "benchmarks" in item.path.parents:
+            item.add_marker(pytest.mark.benchmark)
