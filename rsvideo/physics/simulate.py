@@ -1,0 +1,201 @@
+"""Renders what a rolling-shutter camera records of a sharp photograph, and the sharp truth beside it.
+
+For every scanline and every time sample the full homography C R C^-1 (Eq. 4), with R = exp([(pitch, yaw, roll)]_x); Catmull-Rom
+sampling at exact positions in linear light. This is the slow twin of the blur operator and shares nothing with it but the nouns.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Float, Float32
+from numba import njit, prange
+from scipy.spatial.transform import Rotation
+
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.gyro import angles_from_poses
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Trajectory
+
+SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
+
+
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Gaussian read noise and shot noise: at linear light v in [0, 1] the variance is sigma^2 (1/2 + v)."""
+
+    sigma: float  # standard deviation at v = 1/2, where half the variance is shot noise
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.sigma) and 0 <= self.sigma < 1):
+            raise ValueError(f"noise must lie in [0, 1) of white, got {self.sigma:g}; is it in 8-bit codes?")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rendering:
+    """A frame as the camera recorded it, and what it should have been."""
+
+    blurred: Float32[np.ndarray, "rows cols channels"]  # linear light in [0, 1]
+    truth: Float32[np.ndarray, "rows cols channels"]  # the scene at the pose of the middle of the frame's interval, without noise
+
+
+def render(
+    scene: Float[np.ndarray, "scene_rows scene_cols channels"],
+    *,
+    camera: Intrinsics,
+    timing: ShutterTiming,
+    trajectory: Trajectory,
+    noise: Noise,
+    rng: np.random.Generator,
+    samples: int = SAMPLES,
+    gain: float = 1.0,
+) -> Rendering:
+    """The frame of `camera` at the middle of a `scene` in linear light, which is larger so that its borders show real content.
+
+    Poses are those of the image, whichever way its scanlines are read. Light above white / gain clips, in the truth too.
+    """
+    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples)
+    blurred = blurred + rng.standard_normal(blurred.shape) * noise.sigma * np.sqrt(0.5 + np.maximum(blurred, 0))
+    truth = gain * still(scene, camera=camera, pose=trajectory.at(np.array([timing.middle]))[0])
+    return Rendering(blurred=np.clip(blurred, 0, 1).astype(np.float32), truth=np.clip(truth, 0, 1).astype(np.float32))
+
+
+def blur(
+    scene: Float[np.ndarray, "scene_rows scene_cols channels"],
+    *,
+    camera: Intrinsics,
+    timing: ShutterTiming,
+    trajectory: Trajectory,
+    samples: int = SAMPLES,
+) -> Float[np.ndarray, "rows cols channels"]:
+    """The noiseless, unclipped light of each pixel: the mean over its scanline's exposure (Eq. 3), in float64."""
+    if samples < 1:
+        raise ValueError(f"a scanline needs at least 1 time sample, got {samples}")
+    x, y = (timing.direction.scanlines(part) for part in _pixels(camera))
+    if timing.rows != len(x):
+        raise ValueError(f"the shutter reads {timing.rows} scanlines, the frame has {len(x)} {timing.direction.value}")
+    times = timing.sample_times(samples)
+    poses = trajectory.at(times.ravel())
+    maps = homographies(poses, camera=camera).reshape(*times.shape, 3, 3)
+    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera))
+
+
+def still(
+    scene: Float[np.ndarray, "scene_rows scene_cols channels"], *, camera: Intrinsics, pose: Float[np.ndarray, " axes"]
+) -> Float[np.ndarray, "rows cols channels"]:
+    """The sharp frame at one pose."""
+    x, y = _pixels(camera)
+    maps = np.broadcast_to(homographies(pose[None], camera=camera), (len(x), 1, 3, 3))
+    return _sampled_through(scene, x, y, maps, camera=camera)
+
+
+def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> Float[np.ndarray, "n 3 3"]:
+    """C R C^-1 of each pose: takes a pixel of the camera at that time to the pixel of the latent image that it sees."""
+    R = Rotation.from_rotvec(angles_from_poses(poses, camera=camera)).as_matrix()
+    C = camera.matrix
+    return C @ R @ np.linalg.inv(C)
+
+
+def margin(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> tuple[int, int]:
+    """Rows and columns of scene needed beyond each edge of the frame, so that no sample falls outside the scene."""
+    poses = trajectory.at(np.linspace(*timing.interval, 257))
+    xs, ys = np.array([0.0, camera.cx, camera.cols - 1]), np.array([0.0, camera.cy, camera.rows - 1])
+    corners = np.stack([*(a.ravel() for a in np.meshgrid(xs, ys)), np.ones(9)])
+    seen = homographies(poses, camera=camera) @ corners
+    if not (seen[:, 2] > 0.1).all():
+        raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
+    move = np.abs(seen[:, :2] / seen[:, 2:] - corners[:2]).max(axis=(0, 2))
+    return math.ceil(move[1]) + 3, math.ceil(move[0]) + 3
+
+
+def extent(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> float:
+    """Pixels from end to end of the longest PSF, over all scanlines and at the frame's centre and corners, to first order."""
+    poses = trajectory.at(timing.sample_times(33).ravel()).reshape(timing.rows, 33, -1)
+    x = np.array([camera.cx, 0, 0, camera.cols - 1, camera.cols - 1]) - camera.cx
+    y = np.array([camera.cy, 0, camera.rows - 1, 0, camera.rows - 1]) - camera.cy
+    roll = poses[..., 2:] if poses.shape[-1] == 3 else np.zeros((*poses.shape[:2], 1))
+    path = (poses[..., :1] - roll * y) + 1j * (poses[..., 1:2] + roll * x)
+    longest = 0.0
+    for lag in range(1, 33):
+        longest = max(longest, float(np.abs(path[:, lag:] - path[:, :-lag]).max()))
+    return longest
+
+
+def scaled_to(pixels: float, *, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> Trajectory:
+    """The same motion, larger or smaller, so that its longest PSF spans `pixels`; its middle is the origin."""
+    if not (math.isfinite(pixels) and pixels >= 0):
+        raise ValueError(f"blur must be at least 0 px, got {pixels:g} px")
+    longest = extent(camera=camera, timing=timing, trajectory=trajectory)
+    if longest < 1e-9:
+        raise ValueError(f"a motion of {longest:.2g} px cannot be scaled to {pixels:g} px; does it move at all?")
+    middle = trajectory.at(np.array([timing.middle]))[0]
+    gauge = trajectory.shifted(-middle)
+    return gauge.with_coefficients(gauge.coefficients * (pixels / longest))
+
+
+def _pixels(camera: Intrinsics) -> tuple[Float[np.ndarray, "rows cols"], Float[np.ndarray, "rows cols"]]:
+    x, y = np.meshgrid(np.arange(camera.cols, dtype=float), np.arange(camera.rows, dtype=float))
+    return x, y
+
+
+def _sampled_through(
+    scene: Float[np.ndarray, "scene_rows scene_cols channels"],
+    x: Float[np.ndarray, "lines along"],
+    y: Float[np.ndarray, "lines along"],
+    maps: Float[np.ndarray, "lines samples 3 3"],
+    *,
+    camera: Intrinsics,
+) -> Float[np.ndarray, "lines along channels"]:
+    """The mean over `maps` of a line of the scene at the mapped positions of the line's pixels; the frame is the scene's middle."""
+    rows, cols = scene.shape[:2]
+    if rows < camera.rows or cols < camera.cols:
+        raise ValueError(f"the scene must be at least as large as the frame ({camera.rows} x {camera.cols}), got {rows} x {cols}")
+    top, left = (rows - camera.rows) // 2, (cols - camera.cols) // 2
+    return _mean_of_samples(
+        np.ascontiguousarray(scene), np.ascontiguousarray(x), np.ascontiguousarray(y), np.ascontiguousarray(maps), float(left), float(top)
+    )
+
+
+@no_type_check
+@njit(cache=True, parallel=True)
+def _mean_of_samples(scene, x, y, maps, left, top):
+    rows, cols, channels = scene.shape
+    lines, along = x.shape
+    samples = maps.shape[1]
+    result = np.zeros((lines, along, channels))
+    for i in prange(lines):
+        total = np.empty(channels)
+        for j in range(along):
+            total[:] = 0.0
+            for k in range(samples):
+                H = maps[i, k]
+                w = H[2, 0] * x[i, j] + H[2, 1] * y[i, j] + H[2, 2]
+                u = (H[0, 0] * x[i, j] + H[0, 1] * y[i, j] + H[0, 2]) / w + left
+                v = (H[1, 0] * x[i, j] + H[1, 1] * y[i, j] + H[1, 2]) / w + top
+                u0, v0 = int(np.floor(u)), int(np.floor(v))
+                a, b = u - u0, v - v0
+                for m in range(4):
+                    wy = _catmull_rom(b, m)
+                    r = min(max(v0 + m - 1, 0), rows - 1)
+                    for n in range(4):
+                        weight = wy * _catmull_rom(a, n)
+                        c = min(max(u0 + n - 1, 0), cols - 1)
+                        for q in range(channels):
+                            total[q] += weight * scene[r, c, q]
+            for q in range(channels):
+                result[i, j, q] = total[q] / samples
+    return result
+
+
+@no_type_check
+@njit(cache=True, inline="always")
+def _catmull_rom(f, tap):
+    """The weight of tap 0..3 at a fraction f between taps 1 and 2."""
+    if tap == 0:
+        return ((2.0 - f) * f - 1.0) * f / 2.0
+    if tap == 1:
+        return ((3.0 * f - 5.0) * f * f + 2.0) / 2.0
+    if tap == 2:
+        return ((4.0 - 3.0 * f) * f + 1.0) * f / 2.0
+    return (f - 1.0) * f * f / 2.0
