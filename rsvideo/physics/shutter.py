@@ -68,9 +68,7 @@ class ShutterTiming:
             )
 
     @classmethod
-    def from_readout(
-        cls, *, exposure: float, readout: float, rows: int, direction: Direction = Direction.TOP_TO_BOTTOM
-    ) -> "ShutterTiming":
+    def from_readout(cls, *, exposure: float, readout: float, rows: int, direction: Direction = Direction.TOP_TO_BOTTOM) -> "ShutterTiming":
         """Timing of a frame whose `rows` scanlines are read in `readout` seconds."""
         return cls(exposure=exposure, row_time=readout / max(rows, 1), rows=rows, direction=direction)
 

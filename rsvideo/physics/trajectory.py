@@ -18,9 +18,20 @@ class Trajectory(Protocol):
     A pose says where the latent image is sampled: positive x takes the sample from the right.
     """
 
-    t0: float
-    t1: float
-    coefficients: np.ndarray  # (terms, axes)
+    @property
+    def t0(self) -> float:
+        """Seconds, where the frame's interval starts."""
+        ...
+
+    @property
+    def t1(self) -> float:
+        """Seconds, where it ends."""
+        ...
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """(terms, axes)."""
+        ...
 
     def basis(self, t: np.ndarray) -> np.ndarray:
         """(..., terms): the derivative of p(t) in its coefficients."""
