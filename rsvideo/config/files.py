@@ -1,0 +1,41 @@
+"""How files are read, bounded, and how they appear under their names: whole or not at all."""
+
+import contextlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+
+class UnreadableError(ValueError):
+    """A file that is missing, damaged, or not of the kind it was taken for."""
+
+
+def read_whole(path: Path, *, most: int) -> bytes:
+    """All bytes of a file of at most `most` bytes."""
+    try:
+        if not path.is_file():
+            raise UnreadableError(f"{path} {'is a folder, not a file' if path.is_dir() else 'does not exist or is not a file'}")
+        if (size := path.stat().st_size) > most:
+            raise UnreadableError(f"{path} must hold at most {most / 1e6:g} MB, it holds {size / 1e6:.0f} MB; is it the right file?")
+        if size == 0:
+            raise UnreadableError(f"{path} is empty")
+        return path.read_bytes()
+    except OSError as error:
+        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def write_whole(contents: Mapping[Path, bytes]) -> None:
+    """Write several files so that each appears complete, and none at all if one cannot be written."""
+    parts = {path: path.with_name(path.name + ".part") for path in contents}
+    try:
+        for path, data in contents.items():
+            with parts[path].open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+        for path, part in parts.items():
+            part.replace(path)
+    finally:
+        for part in parts.values():
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)

@@ -1,0 +1,94 @@
+"""Motion that is given rather than found: a sidecar, or recorded angles, as a spline over one frame's interval."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
+
+from rsvideo.config import sidecar
+from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit
+
+COLUMNS = ("t_s", "pitch_rad", "yaw_rad", "roll_rad")
+_TOLERANCE = 0.01  # px, anywhere in the frame
+_MOST_TERMS = 512
+_SLACK = 1e-3  # of the interval, that a record may start late or end early
+
+
+def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
+    """The motion in a file, with its pose at the middle of the frame's interval as the origin."""
+    t, poses = _from_sidecar(path) if path.suffix.lower() == ".json" else _from_csv(path, intrinsics)
+    start, end = timing.interval
+    slack = _SLACK * (end - start)
+    if t[0] > start + slack or t[-1] < end - slack:
+        raise ValueError(
+            f"{path} must cover the frame's whole interval, {start:g} to {end:g} s, it covers {t[0]:g} to {t[-1]:g} s;"
+            " is its time 0 the opening of the first row?"
+        )
+    if not poses[:, 2].any():
+        poses = poses[:, :2]
+    return centred(_spline(t, poses, timing.interval, intrinsics, path), timing.middle)
+
+
+def _from_sidecar(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    frames = sidecar.read(path).frames
+    if len(frames) > 1:
+        raise UnreadableError(f"{path} must hold the motion of one frame, it holds {len(frames)}; is it a clip's sidecar?")
+    return np.array(frames[0].trajectory.t_s), frames[0].trajectory.poses()
+
+
+def _from_csv(path: Path, intrinsics: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
+    data = read_whole(path, most=sidecar.MOST_BYTES)
+    try:
+        lines = list(csv.reader(io.StringIO(data.decode("utf-8-sig")), strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UnreadableError(f"{path} must be text with the columns {','.join(COLUMNS)}: {error}") from error
+    header = [name.strip() for name in lines[0]]
+    if missing := [name for name in COLUMNS if name not in header]:
+        raise UnreadableError(f"{path}:1: must name the columns {','.join(COLUMNS)}, it lacks {', '.join(missing)}")
+    columns = [header.index(name) for name in COLUMNS]
+    table = np.array([_numbers(path, number, line, columns) for number, line in enumerate(lines[1:], 2) if line])
+    if len(table) < 2:
+        raise UnreadableError(f"{path} must hold at least 2 samples, it holds {len(table)}")
+    t, pitch, yaw, roll = table.T
+    if (late := np.flatnonzero(np.diff(t) <= 0)).size:
+        raise UnreadableError(f"{path}: t_s must rise from line to line, it does not after {t[late[0]]:g} s")
+    return t, np.stack([intrinsics.fx * yaw, -intrinsics.fy * pitch, roll], axis=1)
+
+
+def _numbers(path: Path, number: int, line: list[str], columns: list[int]) -> list[float]:
+    try:
+        values = [float(line[column]) for column in columns]
+    except (ValueError, IndexError) as error:
+        raise UnreadableError(f"{path}:{number}: must hold a number in each column, got {','.join(line)!r}") from error
+    if not np.isfinite(values).all():
+        raise UnreadableError(f"{path}:{number}: must hold finite numbers, got {','.join(line)!r}")
+    return values
+
+
+def _spline(
+    t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"], interval: tuple[float, float], intrinsics: Intrinsics, path: Path
+) -> Spline:
+    """The spline of fewest terms that stays within the tolerance of a smooth curve through the samples."""
+    near = np.searchsorted(t, interval) + (-4, 4)  # samples beyond do not shape the curve inside
+    t, poses = t[max(near[0], 0) : near[1]], poses[max(near[0], 0) : near[1]]
+    dense = np.linspace(*interval, 4 * _MOST_TERMS + 1)
+    path_px = CubicSpline(t, poses)(np.clip(dense, t[0], t[-1]))
+    reach = np.array([1.0, 1.0, 0.5 * np.hypot(intrinsics.rows, intrinsics.cols)])[: poses.shape[1]]  # px a unit of each axis moves a corner
+    terms = 8
+    while terms <= _MOST_TERMS:
+        spline = fit(Spline(t0=interval[0], t1=interval[1], coefficients=np.zeros((terms, poses.shape[1]))), dense, path_px)
+        assert isinstance(spline, Spline)
+        worst = float(np.abs((spline.at(dense) - path_px) * reach).max())
+        if worst < _TOLERANCE:
+            return spline
+        terms *= 2
+    raise ValueError(
+        f"{path} must be smooth enough for a spline to follow within {_TOLERANCE:g} px, {_MOST_TERMS} terms miss it by {worst:.2g} px;"
+        " is it noise, or are its angles in degrees?"
+    )

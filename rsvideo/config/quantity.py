@@ -1,0 +1,31 @@
+"""Times as people write them: 1/50, 20ms, 0.02."""
+
+import re
+
+LONGEST = 1.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
+
+_SECONDS_PER_UNIT = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
+_TIME = re.compile(r"\s*([-+]?)(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)(?:\s*/\s*(\d+\.?\d*))?\s*([a-zµμ]*)\s*", re.IGNORECASE)
+
+
+def seconds(name: str, text: str) -> float:
+    """The time that `text` writes; `name` is what an error calls it."""
+    rule = f"{name} must be a time such as 1/50, 20ms or 0.02 (seconds), got {text!r}"
+    if not (match := _TIME.fullmatch(text)):
+        raise ValueError(rule + ("; write the decimal point as a point" if "," in text else ""))
+    sign, number, divisor, unit = match.groups()
+    if unit.lower() not in _SECONDS_PER_UNIT:
+        raise ValueError(f"{rule}; the units are s, ms and us")
+    if divisor is not None and float(divisor) == 0:
+        raise ValueError(f"{rule}; it divides by zero")
+    if sign == "-":
+        raise ValueError(f"{name} must not be negative, got {text!r}; a readout that runs upwards is --direction bottom-to-top")
+    return float(number) / float(divisor or 1) * _SECONDS_PER_UNIT[unit.lower()]
+
+
+def hand_held(name: str, value: float, *, zero: bool) -> float:
+    """`value` itself, in seconds, if a hand-held camera can have it; `zero` says whether 0 counts."""
+    if 0 < value <= LONGEST or (zero and value == 0):
+        return value
+    slip = f"is it in milliseconds? then write {value:g}ms" if value > LONGEST else "no light is collected in no time"
+    raise ValueError(f"{name} must lie in {'[' if zero else '('}0, {LONGEST:g}] s, got {value:g} s; {slip}")

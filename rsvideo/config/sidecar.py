@@ -1,0 +1,139 @@
+"""The record beside a restored picture: what was done, with which timing, and the motion that was found."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
+
+from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.tone import Transfer
+from rsvideo.physics.trajectory import Trajectory
+
+MOST_BYTES = 100_000_000
+_STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
+_FEWEST = 64  # samples
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Timing(_Record):
+    """When the scanlines of a frame collect light, and who said so."""
+
+    exposure_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    row_time_s: Annotated[float, Field(ge=0, allow_inf_nan=False)]
+    source: str
+
+
+class Sampled(_Record):
+    """A trajectory in image coordinates, sampled over the frame's whole interval; 0 opens the first scanline."""
+
+    t_s: Annotated[list[Finite], Field(min_length=2)]
+    x_px: list[Finite]
+    y_px: list[Finite]
+    roll_rad: list[Finite]
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        lengths = {name: len(getattr(self, name)) for name in ("t_s", "x_px", "y_px", "roll_rad")}
+        if len(set(lengths.values())) > 1:
+            raise ValueError(f"t_s, x_px, y_px and roll_rad must be equally long, they hold {', '.join(map(str, lengths.values()))}")
+        if np.any(np.diff(self.t_s) <= 0):
+            raise ValueError("t_s must rise from each sample to the next")
+        return self
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> Self:
+        """Samples of a curve, at most a quarter of a millisecond apart."""
+        count = max(_FEWEST, math.ceil((trajectory.t1 - trajectory.t0) / _STEP) + 1)
+        t = np.linspace(trajectory.t0, trajectory.t1, count)
+        poses = np.asarray(trajectory.at(t), float)
+        roll = poses[:, 2] if poses.shape[1] > 2 else np.zeros(count)
+        return cls(t_s=t.tolist(), x_px=poses[:, 0].tolist(), y_px=poses[:, 1].tolist(), roll_rad=roll.tolist())
+
+    def poses(self) -> np.ndarray:
+        """(samples, 3): x in px, y in px, roll in rad."""
+        return np.stack([self.x_px, self.y_px, self.roll_rad], axis=1)
+
+
+class FrameRecord(_Record):
+    """What became of one frame."""
+
+    index: Annotated[int, Field(ge=0)]
+    time_s: Finite
+    timing: Timing
+    trajectory: Sampled
+    verdict: str
+    seconds: Annotated[float, Field(ge=0)]
+
+
+class Camera(_Record):
+    """The pinhole camera that was assumed, in pixels, and where its focal length came from."""
+
+    fx: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    fy: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    cx: Finite
+    cy: Finite
+    rows: Annotated[int, Field(gt=0)]
+    cols: Annotated[int, Field(gt=0)]
+    source: Literal["explicit", "EXIF", "assumed"]
+
+    @classmethod
+    def of(cls, intrinsics: Intrinsics, source: str) -> Self:
+        """The record of a camera."""
+        return cls.model_validate({**vars(intrinsics), "source": source})
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """The camera itself."""
+        return Intrinsics(**self.model_dump(exclude={"source"}))
+
+
+class Settings(_Record):
+    """All that steered the work, so that it can be repeated."""
+
+    rsvideo: str  # the program's version
+    camera: Camera
+    direction: Direction
+    transfer: Transfer
+    trajectory_from: str | None  # the file, where the motion was given
+    restoration: dict[str, JsonValue]  # the core's own settings, under their names
+
+
+class Sidecar(_Record):
+    """The whole file."""
+
+    version: Literal[1] = 1
+    input: str
+    settings: Settings
+    frames: Annotated[list[FrameRecord], Field(min_length=1)]
+
+    def encode(self) -> bytes:
+        """The JSON file."""
+        return (self.model_dump_json() + "\n").encode()
+
+    def timing(self, frame: FrameRecord) -> ShutterTiming:
+        """The shutter of one frame."""
+        camera, direction = self.settings.camera, self.settings.direction
+        scanlines = camera.rows if direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else camera.cols
+        return ShutterTiming(
+            exposure=frame.timing.exposure_s, row_time=frame.timing.row_time_s, rows=scanlines, direction=direction
+        )
+
+
+def read(path: Path) -> Sidecar:
+    """The sidecar in a file; the first fault is named with its key."""
+    data = read_whole(path, most=MOST_BYTES)
+    try:
+        return Sidecar.model_validate_json(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise UnreadableError(f"{path}: {key + ': ' if key else ''}{first['msg']}; is it a sidecar that rsvideo wrote?") from error

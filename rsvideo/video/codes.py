@@ -1,0 +1,46 @@
+"""A picture as its file holds it: integer codes, and what travels with them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, UInt
+
+MOST_PIXELS = 200_000_000
+MOST_BYTES = 2_000_000_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Codes:
+    """What a decoder hands over and an encoder takes, in stored order."""
+
+    samples: UInt[np.ndarray, "rows cols channels"]  # uint8 or uint16; 1 channel (grey) or 3 (red, green, blue)
+    alpha: UInt[np.ndarray, "rows cols"] | None = None  # straight, not multiplied into the samples
+    clipped: Bool[np.ndarray, "rows cols"] | None = None  # where the sensor was full, if the decoder could tell
+    icc: bytes | None = None
+    exif: bytes | None = None  # a TIFF structure, as JPEG and PNG embed it
+    notes: tuple[str, ...] = ()  # what the reader should know was not taken over
+
+    @property
+    def bits(self) -> int:
+        """Bits per sample."""
+        return 8 * self.samples.dtype.itemsize
+
+
+def check_pixels(rows: int, cols: int) -> None:
+    """Refuse a size that a header states before anything of that size is made."""
+    if rows * cols > MOST_PIXELS:
+        raise ValueError(f"must hold at most {MOST_PIXELS / 1e6:g} Mpx, its header says {cols} x {rows}; is the header damaged?")
+
+
+def split(stored: UInt[np.ndarray, "rows cols *channels"]) -> tuple[np.ndarray, np.ndarray | None]:
+    """Colour and alpha of an array with 1 to 4 channels."""
+    stored = stored[..., None] if stored.ndim == 2 else stored
+    channels = stored.shape[2]
+    if channels not in (1, 2, 3, 4):
+        raise ValueError(f"must have 1 to 4 channels, it has {channels}")
+    return (stored, None) if channels % 2 else (stored[..., :-1], stored[..., -1])
+
+
+def joined(codes: Codes) -> UInt[np.ndarray, "rows cols channels"]:
+    """Colour and alpha in one array, the inverse of `split`."""
+    return codes.samples if codes.alpha is None else np.concatenate([codes.samples, codes.alpha[..., None]], axis=2)
