@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +26,7 @@ class Intrinsics:
             raise ValueError(f"an image has at least one row and column, got {self.rows} x {self.cols}")
 
     @classmethod
-    def centred(cls, *, focal: float, rows: int, cols: int) -> Self:
+    def centred(cls, *, focal: float, rows: int, cols: int) -> "Intrinsics":
         """Square pixels, the principal point at the frame's centre."""
         return cls(fx=focal, fy=focal, cx=(cols - 1) / 2, cy=(rows - 1) / 2, rows=rows, cols=cols)
 

@@ -91,8 +91,9 @@ def integrate(log: GyroLog, *, start: float, duration: float, steps: int) -> Flo
         raise ValueError(f"a frame's interval must lie in (0, {LONGEST:g}] s, got {duration:g} s; is it in milliseconds?")
     if not (math.isfinite(start) and start >= 0 and start + duration <= log.times[-1]):
         raise ValueError(f"the frame at {start:g} s of {duration:g} s must lie within the gyro log, which is {log.times[-1]:.6g} s long")
-    inside = log.times[(log.times >= start - log.step) & (log.times <= start + duration + log.step)]
-    widest = float(np.diff(inside).max()) if len(inside) > 1 else math.inf
+    first = np.searchsorted(log.times, start, side="right") - 1
+    last = np.searchsorted(log.times, start + duration, side="left")
+    widest = float(np.diff(log.times[first : last + 1]).max())
     if widest > 20 * log.step:
         raise ValueError(f"the gyro log has a gap of {widest:.3g} s near {start:g} s; choose another start")
     dt = duration / steps
@@ -111,7 +112,7 @@ def path(log: GyroLog, *, camera: Intrinsics, start: float, duration: float) -> 
     """The path of a frame whose first scanline opens `start` seconds into the log, with its origin at the middle."""
     steps = 2 * math.ceil(4 * duration / log.step) + 16
     angles = integrate(log, start=start, duration=duration, steps=steps)
-    return spline_through(poses_from_angles(angles, camera=camera), duration=duration, spacing=log.step)
+    return spline_through(poses_from_angles(angles, camera=camera), duration=duration, spacing=log.step / 2)
 
 
 def spline_through(poses: Float[np.ndarray, "n axes"], *, duration: float, spacing: float) -> Trajectory:

@@ -111,7 +111,8 @@ def margin(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory)
 
 def extent(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> float:
     """Pixels from end to end of the longest PSF, over all scanlines and at the frame's centre and corners, to first order."""
-    poses = trajectory.at(timing.sample_times(33).ravel()).reshape(timing.rows, 33, -1)
+    times = timing.row_start()[:, None] + np.linspace(0, timing.exposure, 33)
+    poses = trajectory.at(times.ravel()).reshape(timing.rows, 33, -1)
     x = np.array([camera.cx, 0, 0, camera.cols - 1, camera.cols - 1]) - camera.cx
     y = np.array([camera.cy, 0, camera.rows - 1, 0, camera.rows - 1]) - camera.cy
     roll = poses[..., 2:] if poses.shape[-1] == 3 else np.zeros((*poses.shape[:2], 1))

@@ -1,7 +1,7 @@
 """Where the camera points over time: curves that are linear in their coefficients."""
 
 from dataclasses import dataclass, replace
-from typing import Protocol, Self, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -9,6 +9,7 @@ from numpy.polynomial import legendre
 from scipy.interpolate import BSpline
 
 AXES = ("x_px", "y_px", "roll_rad")
+_C = TypeVar("_C", bound="_Curve")  # not typing.Self, which cannot be checked at calls
 
 
 @runtime_checkable
@@ -41,11 +42,11 @@ class Trajectory(Protocol):
         """(..., axes): the pose at each time."""
         ...
 
-    def with_coefficients(self, coefficients: np.ndarray) -> Self:
+    def with_coefficients(self, coefficients: np.ndarray) -> "Trajectory":
         """The same kind of curve on the same interval."""
         ...
 
-    def shifted(self, pose: np.ndarray) -> Self:
+    def shifted(self, pose: np.ndarray) -> "Trajectory":
         """The curve p(t) + pose."""
         ...
 
@@ -62,7 +63,7 @@ class _Curve:
         if self.coefficients.shape[1] not in (2, 3):
             raise ValueError(f"a trajectory has 2 or 3 axes, got {self.coefficients.shape[1]}")
 
-    def with_coefficients(self, coefficients: Float[np.ndarray, "terms axes"]) -> Self:
+    def with_coefficients(self: _C, coefficients: Float[np.ndarray, "terms axes"]) -> _C:
         return replace(self, coefficients=coefficients)
 
 
@@ -81,7 +82,7 @@ class Polynomial(_Curve):
     def at(self, t: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n axes"]:
         return self.basis(t) @ self.coefficients
 
-    def shifted(self, pose: Float[np.ndarray, " axes"]) -> Self:
+    def shifted(self, pose: Float[np.ndarray, " axes"]) -> "Polynomial":
         coefficients = self.coefficients.copy()
         coefficients[0] += pose
         return self.with_coefficients(coefficients)
@@ -100,7 +101,7 @@ class Spline(_Curve):
     def at(self, t: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n axes"]:
         return self.basis(t) @ self.coefficients
 
-    def shifted(self, pose: Float[np.ndarray, " axes"]) -> Self:
+    def shifted(self, pose: Float[np.ndarray, " axes"]) -> "Spline":
         return self.with_coefficients(self.coefficients + pose)  # B-splines sum to one
 
 
