@@ -27,14 +27,17 @@ def read_whole(path: Path, *, most: int) -> bytes:
 def write_whole(contents: Mapping[Path, bytes]) -> None:
     """Write several files so that each appears complete, and none at all if one cannot be written."""
     parts = {path: path.with_name(path.name + ".part") for path in contents}
+    at = None
     try:
-        for path, data in contents.items():
-            with parts[path].open("wb") as file:
+        for at, data in contents.items():
+            with parts[at].open("wb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())
         for path, part in parts.items():
             part.replace(path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(at)) from error  # a failed write does not say of which file
     finally:
         for part in parts.values():
             with contextlib.suppress(OSError):

@@ -16,7 +16,7 @@ from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit
 
 COLUMNS = ("t_s", "pitch_rad", "yaw_rad", "roll_rad")
 _TOLERANCE = 0.01  # px, anywhere in the frame
-_MOST_TERMS = 512
+_TERMS = (8, 16, 32, 64, 128, 256, 512)
 _SLACK = 1e-3  # of the interval, that a record may start late or end early
 
 
@@ -73,22 +73,21 @@ def _numbers(path: Path, number: int, line: list[str], columns: list[int]) -> li
 
 def _spline(
     t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"], interval: tuple[float, float], intrinsics: Intrinsics, path: Path
-) -> Spline:
+) -> Trajectory:
     """The spline of fewest terms that stays within the tolerance of a smooth curve through the samples."""
-    near = np.searchsorted(t, interval) + (-4, 4)  # samples beyond do not shape the curve inside
-    t, poses = t[max(near[0], 0) : near[1]], poses[max(near[0], 0) : near[1]]
-    dense = np.linspace(*interval, 4 * _MOST_TERMS + 1)
+    first, last = np.searchsorted(t, interval)
+    near = slice(max(first - 4, 0), last + 4)  # samples beyond do not shape the curve inside
+    t, poses = t[near], poses[near]
+    dense = np.linspace(*interval, 4 * _TERMS[-1] + 1)
     path_px = CubicSpline(t, poses)(np.clip(dense, t[0], t[-1]))
-    reach = np.array([1.0, 1.0, 0.5 * np.hypot(intrinsics.rows, intrinsics.cols)])[: poses.shape[1]]  # px a unit of each axis moves a corner
-    terms = 8
-    while terms <= _MOST_TERMS:
+    reach = np.array([1.0, 1.0, 0.5 * np.hypot(intrinsics.rows, intrinsics.cols)])[
+        : poses.shape[1]
+    ]  # px a unit of each axis moves a corner
+    for terms in _TERMS:
         spline = fit(Spline(t0=interval[0], t1=interval[1], coefficients=np.zeros((terms, poses.shape[1]))), dense, path_px)
-        assert isinstance(spline, Spline)
-        worst = float(np.abs((spline.at(dense) - path_px) * reach).max())
-        if worst < _TOLERANCE:
+        if np.abs((spline.at(dense) - path_px) * reach).max() < _TOLERANCE:
             return spline
-        terms *= 2
     raise ValueError(
-        f"{path} must be smooth enough for a spline to follow within {_TOLERANCE:g} px, {_MOST_TERMS} terms miss it by {worst:.2g} px;"
+        f"{path} must be smooth enough for a spline to follow within {_TOLERANCE:g} px, {_TERMS[-1]} terms do not;"
         " is it noise, or are its angles in degrees?"
     )

@@ -1,5 +1,6 @@
-"""Times as people write them: 1/50, 20ms, 0.02."""
+"""Quantities as people write them: times as 1/50, 20ms or 0.02, lengths in pixels."""
 
+import math
 import re
 
 LONGEST = 1.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
@@ -27,5 +28,20 @@ def hand_held(name: str, value: float, *, zero: bool) -> float:
     """`value` itself, in seconds, if a hand-held camera can have it; `zero` says whether 0 counts."""
     if 0 < value <= LONGEST or (zero and value == 0):
         return value
-    slip = f"is it in milliseconds? then write {value:g}ms" if value > LONGEST else "no light is collected in no time"
+    slip = f"is it in milliseconds? a unit may follow, as in {value:g}ms" if value > LONGEST else "no light is collected in no time"
     raise ValueError(f"{name} must lie in {'[' if zero else '('}0, {LONGEST:g}] s, got {value:g} s; {slip}")
+
+
+def pixels(name: str, text: str) -> float:
+    """The positive length in pixels that `text` writes."""
+    number = text.strip().lower().removesuffix("px")
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if not (0 < value < math.inf):
+        raise ValueError(f"{name} must be a positive number of pixels such as 1400, got {text!r}" + (_MM if number.endswith("mm") else ""))
+    return value
+
+
+_MM = "; pixels = millimetres * width of the picture in pixels / width of the sensor in millimetres"

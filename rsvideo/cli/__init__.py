@@ -1,0 +1,69 @@
+"""The front door: words to values, results to words; the one room that prints and exits.
+
+Nothing heavy is imported here: each command loads what it needs when it is called.
+"""
+
+import os
+import sys
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Annotated
+
+import typer
+
+from rsvideo.cli.deblur import deblur
+from rsvideo.cli.plot import plot
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]}
+)
+app.command()(deblur)
+app.command()(plot)
+if find_spec("rsvideo.cli.simulate"):
+    app.command()(import_module("rsvideo.cli.simulate").simulate)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"rsvideo {version('rsvideo')}")
+        raise typer.Exit
+
+
+@app.callback()
+def rsvideo(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")] = False,
+) -> None:
+    """Remove motion blur and rolling-shutter distortion together, from hand-held photographs."""
+
+
+def main() -> None:
+    """The command `rsvideo`."""
+    from rsvideo.cli import ending
+
+    for library in ("OMP", "OPENBLAS", "MKL"):  # compiled kernels use the cores; threads within threads slow both
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    debug = os.environ.get("RSVIDEO_DEBUG") == "1"
+    if not debug:
+        _hush()
+    ending.listen()
+    try:
+        code = app(standalone_mode=False) or ending.Code.DONE
+    except (Exception, ending.Stopped) as error:
+        if debug and not isinstance(error, ending.Stopped):
+            raise
+        code, line = ending.told(error)
+        if line:
+            print(f"rsvideo: {line}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _hush() -> None:
+    """Keep the libraries' own remarks off the user's terminal."""
+    import logging
+    import warnings
+
+    logging.getLogger().addHandler(logging.NullHandler())
+    warnings.simplefilter("ignore")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")

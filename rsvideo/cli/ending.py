@@ -1,0 +1,67 @@
+"""How the command ends: an exit code, and one line that says why."""
+
+import enum
+import signal
+from types import FrameType
+
+from rsvideo.config.files import UnreadableError
+
+
+class Code(enum.IntEnum):
+    """Exit codes; a signal ends with 128 and its number."""
+
+    DONE = 0
+    FAILED = 1  # while working
+    USAGE = 2
+    UNREADABLE = 3  # input missing, damaged or of the wrong kind
+    EXISTS = 4  # output, and --overwrite was not given
+
+
+class RefusedError(Exception):
+    """The request contradicts itself or a rule."""
+
+
+class Stopped(BaseException):  # not an error, and no handler of errors may catch it
+    """The user, or the machine, asked for an end."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+def listen() -> None:
+    """Turn the first SIGINT or SIGTERM into `Stopped`; a second one ends at once."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
+
+
+def _stop(number: int, _: FrameType | None) -> None:
+    signal.signal(number, signal.SIG_DFL)
+    raise Stopped(number)
+
+
+def told(error: BaseException) -> tuple[int, str]:
+    """The exit code for what went wrong, and the line that tells it."""
+    code, words = _told(error)
+    return code, " ".join(words.split())
+
+
+def _told(error: BaseException) -> tuple[int, str]:
+    match error:
+        case Stopped():
+            return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; nothing was written"
+        case RefusedError():
+            return Code.USAGE, str(error)
+        case UnreadableError():
+            return Code.UNREADABLE, str(error)
+        case FileExistsError():
+            return Code.EXISTS, str(error)
+        case MemoryError():
+            return Code.FAILED, "memory ran out; is there room for about 1.5 GB at 2 megapixels? a crop needs less"
+        case OSError():
+            return Code.FAILED, f"{error.filename or 'a file'} could not be written: {error.strerror or error}"
+        case _ if hasattr(error, "format_message"):  # what typer raises for a command line it cannot parse
+            words = str(error.format_message()).replace("Value error, ", "")  # pyright: ignore[reportAttributeAccessIssue]
+            return Code.USAGE, f"{words} (rsvideo --help lists what there is)" if words else ""
+        case _:
+            return Code.FAILED, f"failed while working: {type(error).__name__}: {error} (RSVIDEO_DEBUG=1 shows where)"

@@ -1,0 +1,30 @@
+"""rsvideo plot: the motion in a sidecar, drawn."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Option
+
+
+def plot(
+    source: Annotated[Path, typer.Argument(metavar="SIDECAR", help="The .rsvideo.json beside a restored picture.")],
+    output: Annotated[Path, Option("-o", "--output", metavar="FIG", help="Where to draw: .png, .pdf or .svg.")],
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace FIG.")] = False,
+) -> None:
+    """Draw the trajectory over time, and the blur it makes across the frame."""
+    from rsvideo.cli.ending import RefusedError
+    from rsvideo.config import sidecar
+    from rsvideo.config.files import write_whole
+    from rsvideo.report import plots
+
+    kind = output.suffix.lower().removeprefix(".")
+    if kind not in plots.FORMATS:
+        raise RefusedError(f"{output} must end in .{', .'.join(plots.FORMATS)}, it ends in {output.suffix!r}; the ending names the format")
+    if not output.parent.is_dir():
+        raise RefusedError(f"the folder {output.parent} of FIG must exist; make it first, or is its name mistyped?")
+    if output.exists() and not overwrite:
+        raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
+    write_whole({output: plots.motion(sidecar.read(source), kind)})
+    print(f"rsvideo: drawn: {output}", file=sys.stderr)

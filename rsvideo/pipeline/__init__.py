@@ -1,0 +1,1 @@
+"""From file to file: reading, timing, restoring and writing, in order."""

@@ -1,0 +1,1 @@
+"""Figures and measures of what was done to a picture."""

@@ -1,0 +1,129 @@
+"""The motion in a sidecar as a figure: the trajectory over time, and the blur it makes across the frame."""
+
+import io
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rsvideo.config.sidecar import FrameRecord, Sidecar
+from rsvideo.physics.shutter import Direction, ShutterTiming
+
+FORMATS = ("png", "pdf", "svg")
+_BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
+_GRID = (5, 7)  # points across the shorter and the longer side
+_INSTANTS = 400  # samples of one exposure
+
+
+def motion(sidecar: Sidecar, kind: str, index: int = 0) -> bytes:
+    """A figure file of one frame's motion."""
+    record = sidecar.frames[index]
+    timing = sidecar.timing(record)
+    turns = bool(np.any(record.trajectory.roll_rad))
+    with matplotlib.rc_context({"font.size": 10, "axes.spines.top": False, "svg.hashsalt": "rsvideo"}):
+        figure = Figure(figsize=(12.5, 5.2), layout="constrained")
+        paths, blurs = np.ravel(figure.subfigures(1, 2, width_ratios=(1.0, 1.15)))
+        ratios = (3, 1.3, 1) if turns else (3, 1)
+        axes = paths.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
+        _draw_shift(axes[0], sidecar, record)
+        if turns:
+            _draw_roll(axes[1], record)
+        _draw_exposures(axes[-1], timing)
+        for panel in axes[:-1]:
+            panel.axhline(0, color=_GREY, lw=0.8)
+        for panel in axes:
+            panel.axvline(1e3 * timing.middle, color=_GREY, lw=0.8)
+        axes[-1].set(xlabel="time (ms); the restored image shows the middle", xlim=(0, 1e3 * timing.interval[1]))
+        _draw_blurs(blurs.subplots(), sidecar, record)
+        figure.suptitle(f"{Path(sidecar.input).name}: {record.verdict}", fontsize=11)
+        file = io.BytesIO()
+        figure.savefig(file, format=kind, dpi=150)
+    return file.getvalue()
+
+
+def _draw_shift(panel: Axes, sidecar: Sidecar, record: FrameRecord) -> None:
+    ms = 1e3 * np.array(record.trajectory.t_s)
+    panel.plot(ms, record.trajectory.x_px, color=_BLUE, lw=2, label="x")
+    panel.plot(ms, record.trajectory.y_px, color=_VERMILION, lw=2, ls=(0, (5, 2)), label="y")
+    panel.set_ylabel("sampled at (px)")
+    panel.legend(frameon=False, handlelength=3)
+    camera = sidecar.settings.camera
+    if camera.source != "assumed":
+        focal = camera.fx
+        degrees = panel.secondary_yaxis(
+            "right", functions=(lambda px: np.degrees(np.arctan(np.divide(px, focal))), lambda angle: focal * np.tan(np.radians(angle)))
+        )
+        degrees.set_ylabel("angle (°)")
+
+
+def _draw_roll(panel: Axes, record: FrameRecord) -> None:
+    panel.plot(1e3 * np.array(record.trajectory.t_s), np.degrees(record.trajectory.roll_rad), color=_GREEN, lw=2, ls=(0, (1, 1)))
+    panel.set_ylabel("roll (°)")
+
+
+def _draw_exposures(panel: Axes, timing: ShutterTiming) -> None:
+    """Which scanlines are open when."""
+    scanlines = np.array([0, timing.rows])
+    opens = 1e3 * scanlines * timing.row_time
+    panel.fill_betweenx(scanlines, opens, opens + 1e3 * timing.exposure, color=_GREY, alpha=0.4, lw=0)
+    by_row = timing.direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
+    panel.set(ylim=(timing.rows, 0), ylabel=f"{'row' if by_row else 'column'} open")
+    if timing.direction in (Direction.BOTTOM_TO_TOP, Direction.RIGHT_TO_LEFT):
+        panel.set_ylabel(f"{panel.get_ylabel()}\n(from the end)")
+
+
+def _draw_blurs(panel: Axes, sidecar: Sidecar, record: FrameRecord) -> None:
+    """The trace that a point of light leaves at each point of a grid, all at one magnification."""
+    camera, timing = sidecar.settings.camera, sidecar.timing(record)
+    down, across = _GRID if camera.rows <= camera.cols else _GRID[::-1]
+    cell = min(camera.rows / down, camera.cols / across)
+    centres = [((i + 0.5) * camera.cols / across, (j + 0.5) * camera.rows / down) for j in range(down) for i in range(across)]
+    traces = [_trace(np.array(centre), sidecar, record, timing) for centre in centres]
+    reach = max(float(np.abs(trace - trace.mean(axis=0)).max()) for trace in traces)
+    half = max(2, int(np.ceil(1.1 * reach)) + 1)  # px from a trace's middle to the edge of its tile
+    for (x, y), trace in zip(centres, traces, strict=True):
+        tile = _kernel(trace - trace.mean(axis=0), half)
+        extent = (x - 0.44 * cell, x + 0.44 * cell, y + 0.44 * cell, y - 0.44 * cell)
+        panel.imshow(tile, cmap="gray_r", extent=extent, interpolation="nearest", vmin=0, vmax=tile.max())
+        panel.add_artist(_frame(extent))
+    panel.set(xlim=(0, camera.cols), ylim=(camera.rows, 0), aspect="equal", xlabel="column", ylabel="row")
+    panel.spines["top"].set_visible(True)
+    panel.set_title(f"blur across the frame; each tile is {2 * half + 1} px wide", fontsize=10)
+
+
+def _frame(extent: tuple[float, float, float, float]):
+    from matplotlib.patches import Rectangle
+
+    left, right, bottom, top = extent
+    return Rectangle((left, top), right - left, bottom - top, fill=False, edgecolor=_GREY, lw=0.5)
+
+
+def _trace(point: Float[np.ndarray, "2"], sidecar: Sidecar, record: FrameRecord, timing: ShutterTiming) -> Float[np.ndarray, "instants 2"]:
+    """Where the image of a still point of light stands at each instant of the exposure of the scanline at `point`."""
+    camera = sidecar.settings.camera
+    scanline = {
+        Direction.TOP_TO_BOTTOM: point[1],
+        Direction.BOTTOM_TO_TOP: camera.rows - 1 - point[1],
+        Direction.LEFT_TO_RIGHT: point[0],
+        Direction.RIGHT_TO_LEFT: camera.cols - 1 - point[0],
+    }[timing.direction]
+    t = scanline * timing.row_time + (np.arange(_INSTANTS) + 0.5) / _INSTANTS * timing.exposure
+    x, y, roll = (np.interp(t, record.trajectory.t_s, column) for column in record.trajectory.poses().T)
+    cx, cy = camera.cx, camera.cy
+    return -np.stack([x - roll * (point[1] - cy), y + roll * (point[0] - cx)], axis=1)  # the image moves against the sampling
+
+
+def _kernel(trace: Float[np.ndarray, "instants 2"], half: int) -> Float[np.ndarray, "side side"]:
+    """The trace as light on pixels, each instant shared among the four nearest."""
+    side = 2 * half + 1
+    kernel = np.zeros((side, side))
+    whole = np.floor(trace).astype(int)
+    part = trace - whole
+    for dx in (0, 1):
+        for dy in (0, 1):
+            weight = np.abs(1 - dx - part[:, 0]) * np.abs(1 - dy - part[:, 1])
+            np.add.at(kernel, (whole[:, 1] + dy + half, whole[:, 0] + dx + half), weight)
+    return kernel / len(trace)
