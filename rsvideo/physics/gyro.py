@@ -51,8 +51,7 @@ def parse(text: str, *, axes: str = "XYZ") -> GyroLog:
     `axes` names the gyroscope's axis that lies along the camera's x (right), y (down) and z (forward); a small letter
     is the opposite sense. A phone held upright for a picture in portrait with its back camera has "Xyz".
     """
-    if sorted(axes.upper()) != ["X", "Y", "Z"]:
-        raise ValueError(f"gyro axes must be X, Y and Z in some order, small letters for the opposite sense, got {axes!r}")
+    check_axes(axes)
     stamps: list[int] = []
     rates: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), 1):
@@ -75,6 +74,12 @@ def parse(text: str, *, axes: str = "XYZ") -> GyroLog:
     sign = np.array([1.0 if letter.isupper() else -1.0 for letter in axes])
     times = np.array([stamp - stamps[0] for stamp in stamps], float) * 1e-9
     return GyroLog(times=times, rates=np.array(rates)[:, order] * sign)
+
+
+def check_axes(axes: str) -> None:
+    """Refuse what names no axes; see `parse`."""
+    if sorted(axes.upper()) != ["X", "Y", "Z"]:
+        raise ValueError(f"gyro axes must be X, Y and Z in some order, small letters for the opposite sense, got {axes!r}")
 
 
 def _is_header(fields: list[str]) -> bool:

@@ -5,6 +5,7 @@ sampling at exact positions in linear light. This is the slow twin of the blur o
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import no_type_check
 
@@ -18,6 +19,7 @@ from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 
+BAND = 32  # scanlines rendered between two calls of `tell`, and before an interrupt is seen
 SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
 
 
@@ -50,12 +52,14 @@ def render(
     rng: np.random.Generator,
     samples: int = SAMPLES,
     gain: float = 1.0,
+    tell: Callable[[float], object] = float,
 ) -> Rendering:
     """The frame of `camera` at the middle of a `scene` in linear light, which is larger so that its borders show real content.
 
     Poses are those of the image, whichever way its scanlines are read. Light above white / gain clips, in the truth too.
+    `tell` is given the fraction that is done.
     """
-    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples)
+    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, tell=tell)
     blurred = blurred + rng.standard_normal(blurred.shape) * noise.sigma * np.sqrt(0.5 + np.maximum(blurred, 0))
     truth = gain * still(scene, camera=camera, pose=trajectory.at(np.array([timing.middle]))[0])
     return Rendering(blurred=np.clip(blurred, 0, 1).astype(np.float32), truth=np.clip(truth, 0, 1).astype(np.float32))
@@ -68,6 +72,7 @@ def blur(
     timing: ShutterTiming,
     trajectory: Trajectory,
     samples: int = SAMPLES,
+    tell: Callable[[float], object] = float,
 ) -> Float[np.ndarray, "rows cols channels"]:
     """The noiseless, unclipped light of each pixel: the mean over its scanline's exposure (Eq. 3), in float64."""
     if samples < 1:
@@ -78,7 +83,7 @@ def blur(
     times = timing.sample_times(samples)
     poses = trajectory.at(times.ravel())
     maps = homographies(poses, camera=camera).reshape(*times.shape, 3, 3)
-    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera))
+    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera, tell=tell))
 
 
 def still(
@@ -87,7 +92,7 @@ def still(
     """The sharp frame at one pose."""
     x, y = _pixels(camera)
     maps = np.broadcast_to(homographies(pose[None], camera=camera), (len(x), 1, 3, 3))
-    return _sampled_through(scene, x, y, maps, camera=camera)
+    return _sampled_through(scene, x, y, maps, camera=camera, tell=float)
 
 
 def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> Float[np.ndarray, "n 3 3"]:
@@ -147,15 +152,20 @@ def _sampled_through(
     maps: Float[np.ndarray, "lines samples 3 3"],
     *,
     camera: Intrinsics,
+    tell: Callable[[float], object],
 ) -> Float[np.ndarray, "lines along channels"]:
     """The mean over `maps` of a line of the scene at the mapped positions of the line's pixels; the frame is the scene's middle."""
     rows, cols = scene.shape[:2]
     if rows < camera.rows or cols < camera.cols:
         raise ValueError(f"the scene must be at least as large as the frame ({camera.rows} x {camera.cols}), got {rows} x {cols}")
-    top, left = (rows - camera.rows) // 2, (cols - camera.cols) // 2
-    return _mean_of_samples(
-        np.ascontiguousarray(scene), np.ascontiguousarray(x), np.ascontiguousarray(y), np.ascontiguousarray(maps), float(left), float(top)
-    )
+    top, left = float((rows - camera.rows) // 2), float((cols - camera.cols) // 2)
+    scene, x, y, maps = (np.ascontiguousarray(part) for part in (scene, x, y, maps))
+    bands = []
+    for start in range(0, len(x), BAND):
+        band = slice(start, start + BAND)
+        bands.append(_mean_of_samples(scene, x[band], y[band], maps[band], left, top))
+        tell(min(start + BAND, len(x)) / len(x))
+    return np.concatenate(bands)
 
 
 @no_type_check

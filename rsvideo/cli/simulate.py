@@ -1,0 +1,219 @@
+"""rsvideo simulate: one sharp photograph in, a blurred one out whose truth is known."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from typer import Option
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from rsvideo.physics.staging import Motion
+
+Way = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
+MOST_LOG_BYTES = 500_000_000
+MOST_YAML_BYTES = 100_000
+
+
+def simulate(
+    source: Annotated[Path, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")],
+    output: Annotated[Path, Option("-o", "--output", metavar="OUT", help="The blurred frame; motion.csv and case.json go beside it.")],
+    exposure: Annotated[str, Option(metavar="TIME", help="How long each row collects light: 1/50, 20ms, 0.02.")],
+    focal_px: Annotated[float, Option(metavar="PX", help="Focal length in pixels of SHARP.")],
+    readout: Annotated[str | None, Option(metavar="TIME", help="Rows times row time; 0 is a global shutter.")] = None,
+    row_time: Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")] = None,
+    direction: Annotated[Way, Option(help="The way the readout runs over the picture as stored.")] = "top-to-bottom",
+    gyro: Annotated[Path | None, Option(metavar="LOG", help="Motion recorded as lines `t_ns wx wy wz` in rad/s.")] = None,
+    start: Annotated[float, Option(metavar="S", help="When the frame opens, in seconds from the first line of --gyro.")] = 0.0,
+    gyro_axes: Annotated[
+        str, Option(metavar="XYZ", help="The gyro's axes along the camera's right, down and forward; small letters turn them round.")
+    ] = "XYZ",
+    polynomial: Annotated[
+        str | None,
+        Option(metavar="TEXT", help="`x:0,12,-4;y:0,5;roll:0,0.01` in px and rad, by powers of u = 0..1 through the frame; or a .yaml."),
+    ] = None,
+    shake: Annotated[bool, Option("--shake", help="A random hand-shake, by --seed.")] = False,
+    seed: Annotated[int, Option(min=0, help="Of the hand-shake and of the noise.")] = 0,
+    blur_px: Annotated[
+        float | None, Option(metavar="PX", help="Scale the motion so that the longest streak of any row spans this.")
+    ] = None,
+    motion: Annotated[Literal["rotation", "shift"], Option(help="All three angles, or no roll.")] = "rotation",
+    noise: Annotated[float, Option(metavar="SIGMA", help="Read and shot noise at half of white, in linear light; white is 1.")] = 0.003,
+    gain: Annotated[float, Option(help="Multiplies the light, so that highlights clip.")] = 1.0,
+    size: Annotated[str | None, Option(metavar="COLSxROWS", help="Of the frame. [default: all that the motion leaves in view]")] = None,
+    samples: Annotated[int, Option(min=1, max=4096, help="Time samples a row.")] = 64,
+    bits: Annotated[Literal["8", "16"] | None, Option(help="A sample of OUT. [default: as in SHARP]")] = None,
+    transfer: Annotated[Literal["srgb", "bt709", "linear"] | None, Option(help="How codes stand for light. [default: srgb]")] = None,
+    truth: Annotated[Path | None, Option(metavar="FILE", help="The sharp frame. [default: truth beside OUT, with OUT's ending]")] = None,
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace what stands under these names.")] = False,
+) -> None:
+    """Render what a rolling-shutter camera would record of a photograph, with its truth and its motion.
+
+    The frame is the middle of SHARP, so much smaller that its borders show real content however the camera moves.
+    """
+    from dataclasses import replace
+    from importlib.metadata import version
+
+    import numpy as np
+
+    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.progress import bar
+    from rsvideo.config import cases
+    from rsvideo.config.files import UnreadableError, write_whole
+    from rsvideo.config.quantity import hand_held, seconds
+    from rsvideo.physics.shutter import Direction
+    from rsvideo.physics.simulate import Noise, extent, render
+    from rsvideo.physics.staging import stage
+    from rsvideo.physics.tone import Transfer
+    from rsvideo.video import still
+
+    truth = truth or output.with_name("truth" + output.suffix)
+    files = [output, truth, output.with_name("motion.csv"), output.with_name("case.json")]
+    try:
+        kinds = still.Format.of_output(output), still.Format.of_output(truth)
+        _check_names(files, source, overwrite=overwrite)
+        if (readout is None) == (row_time is None):
+            raise ValueError(f"the shutter needs either --readout or --row-time, got {'neither' if readout is None else 'both'}")
+        if not 0 < gain <= 1000:
+            raise ValueError(f"gain must lie in (0, 1000], got {gain:g}")
+        moved, said = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
+        photo = still.read(source, Transfer(transfer) if transfer else None)
+        staged = stage(
+            *photo.pixels.shape[:2],
+            motion=moved,
+            focal=focal_px,
+            exposure=hand_held("exposure", seconds("exposure", exposure), zero=False),
+            readout=hand_held("readout", seconds("readout", readout), zero=True) if readout is not None else None,
+            row_time=seconds("row-time", row_time) if row_time is not None else None,
+            direction=Direction(direction),
+            frame=_rows_cols(size) if size else None,
+            roll=motion == "rotation",
+            blur=blur_px,
+        )
+        level = Noise(sigma=noise)
+    except UnreadableError:
+        raise
+    except ValueError as error:
+        raise RefusedError(str(error)) from error
+
+    camera, timing, curve = staged.camera, staged.timing, staged.trajectory
+    with bar() as show:
+        rendering = render(
+            photo.pixels,
+            camera=camera,
+            timing=timing,
+            trajectory=curve,
+            noise=level,
+            rng=np.random.default_rng([seed, 1]),  # not the hand's numbers
+            samples=samples,
+            gain=gain,
+            tell=lambda fraction: show("rendering", fraction),
+        )
+    codes = replace(photo.codes, samples=_blank(photo.codes.samples.dtype, bits), alpha=None, exif=None)  # EXIF is of the sharp one
+    photo = replace(photo, codes=codes)
+    case = {
+        "source": source.name,
+        "motion": said,
+        "roll": motion == "rotation",
+        "transfer": photo.transfer.value,
+        "noise_sigma_linear": noise,
+        "gain": gain,
+        "samples": samples,
+        "seed": seed,
+        "rsvideo": version("rsvideo"),
+    }
+    pictures = [still.encode(photo, light, kind)[0] for light, kind in zip((rendering.blurred, rendering.truth), kinds, strict=True)]
+    write_whole(dict(zip(files, [*pictures, cases.motion_csv(staged), cases.case_json(staged, case)], strict=True)))
+    reach = extent(camera=camera, timing=timing, trajectory=curve)
+    print(f"rsvideo: rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {output}", file=sys.stderr)
+
+
+def _check_names(files: list[Path], source: Path, *, overwrite: bool) -> None:
+    if len({file.absolute() for file in files}) < len(files):
+        raise ValueError(f"OUT, the truth, motion.csv and case.json need four names, got {', '.join(map(str, files))}")
+    for file in files:
+        if not file.parent.is_dir():
+            raise ValueError(f"the folder {file.parent} must exist; make it first, or is its name mistyped?")
+        if file.is_dir():
+            raise ValueError(f"{file} must be the name of a file, it is a folder")
+        if file.exists() and source.exists() and file.samefile(source):
+            raise ValueError(f"{file} must not be SHARP itself, which would be lost")
+        if file.exists() and not overwrite:
+            raise FileExistsError(f"{file} exists already; give --overwrite to replace it")
+
+
+def _motion(
+    gyro: Path | None, start: float, axes: str, polynomial: str | None, shake: bool, seed: int
+) -> tuple["Motion", dict[str, object]]:
+    """The motion that the options choose, and what is to be said of it."""
+    from rsvideo.config.files import UnreadableError, read_whole
+    from rsvideo.physics import staging
+    from rsvideo.physics.gyro import check_axes, parse
+
+    given = {"--gyro": gyro is not None, "--polynomial": polynomial is not None, "--shake": shake}
+    chosen = [name for name, present in given.items() if present]
+    if len(chosen) != 1:
+        raise ValueError(f"the motion must come from one of {', '.join(given)}, got {' and '.join(chosen) or 'none'}")
+    if gyro is not None:
+        check_axes(axes)
+        text = read_whole(gyro, most=MOST_LOG_BYTES).decode("utf-8", "replace")
+        try:
+            log = parse(text, axes=axes)
+        except ValueError as error:
+            raise UnreadableError(f"{gyro}: {error}") from error
+        return staging.recorded(log, start=start), {"gyro": gyro.name, "start_s": start, "axes": axes}
+    if polynomial is not None:
+        terms = _terms(polynomial)
+        return staging.polynomial(terms), {"polynomial": terms}
+    return staging.hand(seed), {"shake": seed}
+
+
+def _terms(text: str) -> dict[str, list[float]]:
+    """`x:0,12;roll:0,0.1`, or the mapping of that in a YAML file."""
+    if text.lower().endswith((".yaml", ".yml")):
+        return _yaml_terms(Path(text))
+    terms: dict[str, list[float]] = {}
+    for part in filter(None, (piece.strip() for piece in text.split(";"))):
+        axis, colon, numbers = part.partition(":")
+        try:
+            terms[axis.strip()] = [float(number) for number in numbers.split(",")]
+        except ValueError:
+            colon = ""
+        if not colon:
+            raise ValueError(f"a polynomial must read like x:0,12,-4;y:0,5, got {part[:60]!r}")
+    if not terms:
+        raise ValueError("a polynomial must read like x:0,12,-4;y:0,5, got nothing")
+    return terms
+
+
+def _yaml_terms(path: Path) -> dict[str, list[float]]:
+    import yaml
+
+    from rsvideo.config.files import UnreadableError, read_whole
+
+    form = f"{path} must map x, y and roll to lists of numbers, such as `x: [0, 12, -4]`"
+    try:
+        found = yaml.safe_load(read_whole(path, most=MOST_YAML_BYTES))
+        if not isinstance(found, dict) or not found:
+            raise UnreadableError(f"{form}; it holds {type(found).__name__}")
+        return {str(axis): [float(number) for number in numbers] for axis, numbers in found.items()}
+    except (yaml.YAMLError, TypeError, ValueError, RecursionError) as error:
+        if isinstance(error, UnreadableError):
+            raise
+        raise UnreadableError(form) from error
+
+
+def _rows_cols(text: str) -> tuple[int, int]:
+    cols, _, rows = text.lower().partition("x")
+    if not (cols.isdecimal() and rows.isdecimal() and len(text) < 20):
+        raise ValueError(f"size must read like 640x400 (columns x rows), got {text!r}")
+    return int(rows), int(cols)
+
+
+def _blank(depth: "np.dtype", bits: str | None) -> "np.ndarray":
+    """One sample of the depth to write."""
+    import numpy as np
+
+    return np.zeros((1, 1, 1), depth if bits is None else f"uint{bits}")

@@ -1,0 +1,112 @@
+"""Which part of a photograph a moving camera can record, and the motions to move it by."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsvideo.physics import gyro
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.gyro import GyroLog
+from rsvideo.physics.shake import STEADY, shake
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.simulate import margin, scaled_to
+from rsvideo.physics.trajectory import Trajectory, centred, fit, still
+
+SMALLEST = 16  # px, either side of a frame
+AXES = ("x", "y", "roll")
+
+Motion = Callable[[Intrinsics, ShutterTiming], Trajectory]  # how a frame of this camera and timing is moved
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stage:
+    """A frame in the middle of a photograph, and its motion; the pose at the middle of its interval is the origin."""
+
+    camera: Intrinsics
+    timing: ShutterTiming
+    trajectory: Trajectory
+
+
+def recorded(log: GyroLog, *, start: float) -> Motion:
+    """The motion of a frame that opens `start` seconds into a log."""
+    return lambda camera, timing: gyro.path(log, camera=camera, start=start, duration=timing.interval[1])
+
+
+def hand(seed: int, *, rms: float = STEADY) -> Motion:
+    """A random hand-shake; see `shake`."""
+
+    def motion(camera: Intrinsics, timing: ShutterTiming) -> Trajectory:
+        duration = timing.interval[1]
+        rate = min(max(64 / duration, 2000.0), 100e3)
+        angles = shake(np.random.default_rng(seed), duration, rate, rms=rms)
+        poses = gyro.poses_from_angles(angles, camera=camera)
+        return gyro.spline_through(poses, duration=(len(poses) - 1) / rate, spacing=min(0.0025, duration / 8))
+
+    return motion
+
+
+def polynomial(terms: Mapping[str, Sequence[float]]) -> Motion:
+    """x and y in px and roll in rad, each by its coefficients of 1, u, u^2, ..., where u goes from 0 to 1 over the frame's interval."""
+    for axis, coefficients in terms.items():
+        if axis not in AXES:
+            raise ValueError(f"a polynomial has the axes {', '.join(AXES)}, got {axis!r}")
+        if not 1 <= len(coefficients) <= 31 or not all(math.isfinite(c) for c in coefficients):
+            raise ValueError(f"{axis} of a polynomial must have 1 to 31 finite coefficients, got {list(coefficients)}")
+
+    def motion(camera: Intrinsics, timing: ShutterTiming) -> Trajectory:
+        del camera
+        degree = max((len(coefficients) for coefficients in terms.values()), default=1) - 1
+        u = np.linspace(0, 1, 401)
+        poses = np.stack([np.polynomial.polynomial.polyval(u, np.array([*terms.get(axis, ()), 0.0])) for axis in AXES], axis=1)
+        return fit(still(timing.interval, degree=degree, axes=3), u * timing.interval[1], poses)
+
+    return motion
+
+
+def stage(
+    scene_rows: int,
+    scene_cols: int,
+    *,
+    motion: Motion,
+    focal: float,
+    exposure: float,
+    readout: float | None = None,
+    row_time: float | None = None,
+    direction: Direction = Direction.TOP_TO_BOTTOM,
+    frame: tuple[int, int] | None = None,
+    roll: bool = True,
+    blur: float | None = None,
+) -> Stage:
+    """The largest frame (or one of the rows and columns of `frame`) in the middle of a scene that never sees past its edges.
+
+    The shutter has a readout or a row time. `roll` False leaves the roll out, `blur` scales the motion to so many pixels.
+    """
+    if (readout is None) == (row_time is None):
+        raise ValueError("a shutter has either a readout or a row time")
+    rows, cols = frame or (scene_rows, scene_cols)
+    while True:
+        if min(rows, cols) < SMALLEST:
+            raise ValueError(
+                f"the scene, {scene_cols} x {scene_rows} px, must be larger than the motion's reach by a frame of {SMALLEST} px;"
+                " is the motion too large, or the focal length not in pixels?"
+            )
+        camera = Intrinsics.centred(focal=focal, rows=rows, cols=cols)
+        lines = cols if direction in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT) else rows
+        per_line = row_time if row_time is not None else (readout or 0.0) / lines
+        timing = ShutterTiming(exposure=exposure, row_time=per_line, rows=lines, direction=direction)
+        curve = centred(motion(camera, timing), timing.middle)
+        if not roll and curve.coefficients.shape[1] == 3:
+            curve = curve.with_coefficients(curve.coefficients * [1, 1, 0])
+        if blur is not None:
+            curve = scaled_to(blur, camera=camera, timing=timing, trajectory=curve)
+        above, beside = margin(camera=camera, timing=timing, trajectory=curve)
+        if rows + 2 * above <= scene_rows and cols + 2 * beside <= scene_cols:
+            return Stage(camera=camera, timing=timing, trajectory=curve)
+        if frame:
+            raise ValueError(
+                f"the scene must hold the frame of {cols} x {rows} px and what the motion shows beyond it,"
+                f" {cols + 2 * beside} x {rows + 2 * above} px, got {scene_cols} x {scene_rows}; choose a smaller frame or blur"
+            )
+        rows, cols = min(rows, scene_rows - 2 * above), min(cols, scene_cols - 2 * beside)
