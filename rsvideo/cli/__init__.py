@@ -5,22 +5,20 @@ Nothing heavy is imported here: each command loads what it needs when it is call
 
 import os
 import sys
-from importlib import import_module
-from importlib.util import find_spec
 from typing import Annotated
 
 import typer
 
 from rsvideo.cli.deblur import deblur
 from rsvideo.cli.plot import plot
+from rsvideo.cli.simulate import simulate
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]}
 )
 app.command()(deblur)
 app.command()(plot)
-if find_spec("rsvideo.cli.simulate"):
-    app.command()(import_module("rsvideo.cli.simulate").simulate)
+app.command()(simulate)
 
 
 def _version(wanted: bool) -> None:

@@ -50,27 +50,31 @@ def deblur(
     from rsvideo.config.quantity import pixels, seconds
     from rsvideo.physics.shutter import Direction
     from rsvideo.physics.tone import Transfer
-    from rsvideo.pipeline import still
-    from rsvideo.restoration.blind import Settings
+    from rsvideo.pipeline.job import Job, prepare
 
-    words = {"exposure": exposure, "readout": readout, "row-time": row_time}
     steering = {"motion": motion, "degree": degree, "start": start, "prior": prior}
     try:
-        times = {name: None if text is None else seconds(name, text) for name, text in words.items()}
-        job = still.Job(
+        job = Job(
             source=source,
             output=output,
-            exposure=times["exposure"],
-            readout=times["readout"],
-            row_time=times["row-time"],
+            exposure=None if exposure is None else seconds("exposure", exposure),
+            readout=None if readout is None else seconds("readout", readout),
+            row_time=None if row_time is None else seconds("row-time", row_time),
             direction=Direction(direction),
             focal_px=None if focal_px is None else pixels("focal-px", focal_px),
             transfer=Transfer(transfer) if transfer else None,
             trajectory=trajectory,
-            settings=Settings(**{name: value for name, value in steering.items() if value is not None}),
+            steering={name: value for name, value in steering.items() if value is not None},
             overwrite=overwrite,
         )
-        task = still.prepare(job)
+        task = prepare(job)
+
+        from rsvideo.config import motion as motion_file  # with what follows, the slow ones: mistakes so far are told at once
+        from rsvideo.pipeline import still
+        from rsvideo.restoration.blind import Settings
+
+        settings = Settings(**job.steering)
+        path = None if trajectory is None else motion_file.read(trajectory, task.timing, task.camera.intrinsics)
     except UnreadableError:
         raise
     except ValueError as error:
@@ -78,7 +82,7 @@ def deblur(
     for note in task.notes:
         print(f"rsvideo: note: {note}", file=sys.stderr)
     with bar() as show:
-        outcome = still.carry_out(task, lambda iterate: show(iterate.stage, iterate.fraction))
+        outcome = still.carry_out(task, settings, path, lambda iterate: show(iterate.stage, iterate.fraction))
     write_whole(outcome.files)
     for note in outcome.notes:
         print(f"rsvideo: note: {note}", file=sys.stderr)

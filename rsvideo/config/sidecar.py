@@ -2,16 +2,16 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
 
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
-from rsvideo.physics.trajectory import Trajectory
 
 MOST_BYTES = 100_000_000
 _STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
@@ -41,7 +41,7 @@ class Sampled(_Record):
     roll_rad: list[Finite]
 
     @model_validator(mode="after")
-    def _check(self) -> Self:
+    def _check(self) -> "Sampled":
         lengths = {name: len(getattr(self, name)) for name in ("t_s", "x_px", "y_px", "roll_rad")}
         if len(set(lengths.values())) > 1:
             raise ValueError(f"t_s, x_px, y_px and roll_rad must be equally long, they hold {', '.join(map(str, lengths.values()))}")
@@ -49,16 +49,18 @@ class Sampled(_Record):
             raise ValueError("t_s must rise from each sample to the next")
         return self
 
+    @staticmethod
+    def times(t0: float, t1: float) -> Float[np.ndarray, " n"]:
+        """When a trajectory from t0 to t1 is sampled: at most a quarter of a millisecond apart."""
+        return np.linspace(t0, t1, max(_FEWEST, math.ceil((t1 - t0) / _STEP) + 1))
+
     @classmethod
-    def of(cls, trajectory: Trajectory) -> Self:
-        """Samples of a curve, at most a quarter of a millisecond apart."""
-        count = max(_FEWEST, math.ceil((trajectory.t1 - trajectory.t0) / _STEP) + 1)
-        t = np.linspace(trajectory.t0, trajectory.t1, count)
-        poses = np.asarray(trajectory.at(t), float)
-        roll = poses[:, 2] if poses.shape[1] > 2 else np.zeros(count)
+    def of(cls, t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"]) -> "Sampled":
+        """The poses (x, y, and roll where there is a third axis) at the times `t`."""
+        roll = poses[:, 2] if poses.shape[1] > 2 else np.zeros(len(t))
         return cls(t_s=t.tolist(), x_px=poses[:, 0].tolist(), y_px=poses[:, 1].tolist(), roll_rad=roll.tolist())
 
-    def poses(self) -> np.ndarray:
+    def poses(self) -> Float[np.ndarray, "n 3"]:
         """(samples, 3): x in px, y in px, roll in rad."""
         return np.stack([self.x_px, self.y_px, self.roll_rad], axis=1)
 
@@ -86,7 +88,7 @@ class Camera(_Record):
     source: Literal["explicit", "EXIF", "assumed"]
 
     @classmethod
-    def of(cls, intrinsics: Intrinsics, source: str) -> Self:
+    def of(cls, intrinsics: Intrinsics, source: str) -> "Camera":
         """The record of a camera."""
         return cls.model_validate({**vars(intrinsics), "source": source})
 

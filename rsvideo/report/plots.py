@@ -25,7 +25,8 @@ def motion(sidecar: Sidecar, kind: str, index: int = 0) -> bytes:
     turns = bool(np.any(record.trajectory.roll_rad))
     with matplotlib.rc_context({"font.size": 10, "axes.spines.top": False, "svg.hashsalt": "rsvideo"}):
         figure = Figure(figsize=(12.5, 5.2), layout="constrained")
-        paths, blurs = np.ravel(figure.subfigures(1, 2, width_ratios=(1.0, 1.15)))
+        grid = figure.add_gridspec(1, 2, width_ratios=(1.0, 1.15))
+        paths, blurs = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
         ratios = (3, 1.3, 1) if turns else (3, 1)
         axes = paths.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
         _draw_shift(axes[0], sidecar, record)
@@ -37,6 +38,7 @@ def motion(sidecar: Sidecar, kind: str, index: int = 0) -> bytes:
         for panel in axes:
             panel.axvline(1e3 * timing.middle, color=_GREY, lw=0.8)
         axes[-1].set(xlabel="time (ms); the restored image shows the middle", xlim=(0, 1e3 * timing.interval[1]))
+        paths.align_ylabels(axes)
         _draw_blurs(blurs.subplots(), sidecar, record)
         figure.suptitle(f"{Path(sidecar.input).name}: {record.verdict}", fontsize=11)
         file = io.BytesIO()
@@ -48,7 +50,7 @@ def _draw_shift(panel: Axes, sidecar: Sidecar, record: FrameRecord) -> None:
     ms = 1e3 * np.array(record.trajectory.t_s)
     panel.plot(ms, record.trajectory.x_px, color=_BLUE, lw=2, label="x")
     panel.plot(ms, record.trajectory.y_px, color=_VERMILION, lw=2, ls=(0, (5, 2)), label="y")
-    panel.set_ylabel("sampled at (px)")
+    panel.set_ylabel("position (px)")
     panel.legend(frameon=False, handlelength=3)
     camera = sidecar.settings.camera
     if camera.source != "assumed":

@@ -1,6 +1,7 @@
 """JPEG: grey or colour, with its colour profile and its EXIF as they stand."""
 
 import io
+import warnings
 
 import numpy as np
 from PIL import Image
@@ -16,11 +17,12 @@ _QUALITY = 95
 def decode(data: bytes) -> Codes:
     """The picture in `data`; CMYK is refused, since its light depends on inks."""
     try:
-        image = JpegImageFile(io.BytesIO(data))
-        check_pixels(image.height, image.width)
-        if image.mode not in ("L", "RGB"):
-            raise ValueError(f"must be grey or RGB, it is {image.mode}; convert it to RGB first")
-        image.load()
+        with warnings.catch_warnings(action="ignore"):  # Pillow remarks on damaged EXIF, which does not concern the pixels
+            image = JpegImageFile(io.BytesIO(data))
+            check_pixels(image.height, image.width)
+            if image.mode not in ("L", "RGB"):
+                raise ValueError(f"must be grey or RGB, it is {image.mode}; convert it to RGB first")
+            image.load()
     except (OSError, SyntaxError) as error:
         raise ValueError(f"is damaged: {error}") from error
     samples, alpha = split(np.array(image))

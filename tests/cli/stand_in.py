@@ -1,0 +1,30 @@
+"""The command with a core that gives the photograph back, after DAWDLE seconds."""
+
+import os
+import time
+
+import numpy as np
+
+from rsvideo.cli import main
+from rsvideo.frame import FrameResult, Verdict
+from rsvideo.physics.trajectory import still as at_rest
+from rsvideo.pipeline import still
+
+
+def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, observe) -> FrameResult:
+    """Nothing is restored, but everything around it is real."""
+    print("working", flush=True)
+    time.sleep(float(os.environ.get("DAWDLE", "0")))
+    return FrameResult(
+        frame=frame,
+        timing=timing,
+        timing_source=timing_source,
+        trajectory=trajectory or at_rest(timing.interval, degree=settings.degree, axes=3),
+        latent=np.clip(2 * frame.pixels, 0, 1),
+        verdict=Verdict.RESTORED,
+        seconds=0.25,
+    )
+
+
+still.restore = restore
+main()

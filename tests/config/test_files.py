@@ -1,0 +1,47 @@
+import resource
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from rsvideo.config.files import UnreadableError, read_whole, write_whole
+
+
+@pytest.fixture
+def files_of_at_most_1000_bytes() -> Iterator[None]:
+    """A disk that is full, as far as this process can tell."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    write_whole({tmp_path / "a": b"one", tmp_path / "b": b"two"})
+    assert read_whole(tmp_path / "a", most=10) == b"one"
+    assert read_whole(tmp_path / "b", most=10) == b"two"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_if_one_file_cannot_be_written_none_appears(tmp_path: Path, files_of_at_most_1000_bytes: None) -> None:
+    with pytest.raises(OSError, match="large") as caught:
+        write_whole({tmp_path / "small": b"x", tmp_path / "large": b"x" * 100_000})
+    assert caught.value.filename == str(tmp_path / "large")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failed_write_leaves_the_older_file_as_it_was(tmp_path: Path, files_of_at_most_1000_bytes: None) -> None:
+    path = tmp_path / "picture"
+    path.write_bytes(b"older")
+    with pytest.raises(OSError, match="picture"):
+        write_whole({path: b"x" * 100_000})
+    assert path.read_bytes() == b"older"
+    assert [p.name for p in tmp_path.iterdir()] == ["picture"]
+
+
+def test_files_that_cannot_be_read_say_why(tmp_path: Path) -> None:
+    (tmp_path / "empty").touch()
+    (tmp_path / "long").write_bytes(b"x" * 11)
+    for name, why in (("absent", "does not exist"), ("empty", "is empty"), ("long", "at most"), ("", "is a folder")):
+        with pytest.raises(UnreadableError, match=why):
+            read_whole(tmp_path / name, most=10)

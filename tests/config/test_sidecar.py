@@ -1,0 +1,107 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsvideo.config import motion, sidecar
+from rsvideo.config.files import UnreadableError
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.tone import Transfer
+from rsvideo.physics.trajectory import Polynomial, centred
+
+CAMERA = Intrinsics.centred(focal=1000, rows=400, cols=600)
+TIMING = ShutterTiming.from_readout(exposure=0.03, readout=0.02, rows=400)
+COEFFICIENTS = np.array([[0, 0, 0], [3, -1, 0.002], [1, 2, 0], [0.5, 0, 0.001]])
+CURVE = centred(Polynomial(t0=0, t1=0.05, coefficients=COEFFICIENTS), TIMING.middle)
+T = sidecar.Sampled.times(0, 0.05)
+
+
+def example() -> sidecar.Sidecar:
+    return sidecar.Sidecar(
+        input="in.png",
+        settings=sidecar.Settings(
+            rsvideo="0",
+            camera=sidecar.Camera.of(CAMERA, "explicit"),
+            direction=Direction.TOP_TO_BOTTOM,
+            transfer=Transfer.SRGB,
+            trajectory_from=None,
+            restoration={"degree": 4},
+        ),
+        frames=[
+            sidecar.FrameRecord(
+                index=0,
+                time_s=0,
+                timing=sidecar.Timing(exposure_s=0.03, row_time_s=0.02 / 400, source="explicit"),
+                trajectory=sidecar.Sampled.of(T, CURVE.at(T)),
+                verdict="restored",
+                seconds=1.5,
+            )
+        ],
+    )
+
+
+def test_a_sidecar_comes_back_as_it_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "out.rsvideo.json"
+    path.write_bytes(example().encode())
+    assert sidecar.read(path) == example()
+
+
+def test_its_keys_are_those_that_are_promised() -> None:
+    record = json.loads(example().encode())
+    assert list(record) == ["version", "input", "settings", "frames"]
+    assert list(record["frames"][0]) == ["index", "time_s", "timing", "trajectory", "verdict", "seconds"]
+    assert list(record["frames"][0]["timing"]) == ["exposure_s", "row_time_s", "source"]
+    assert list(record["frames"][0]["trajectory"]) == ["t_s", "x_px", "y_px", "roll_rad"]
+
+
+def test_the_trajectory_is_sampled_over_the_whole_interval_a_quarter_millisecond_apart() -> None:
+    sampled = example().frames[0].trajectory
+    assert (sampled.t_s[0], sampled.t_s[-1]) == (0, 0.05)
+    assert len(sampled.t_s) >= 64
+    assert np.diff(sampled.t_s).max() <= 0.25e-3 + 1e-12
+
+
+def test_a_sidecar_given_as_motion_is_the_motion_it_records(tmp_path: Path) -> None:
+    path = tmp_path / "out.rsvideo.json"
+    path.write_bytes(example().encode())
+    t = np.linspace(0, 0.05, 777)
+    difference = np.abs(motion.read(path, TIMING, CAMERA).at(t) - CURVE.at(t))
+    assert difference[:, :2].max() < 0.02
+    assert difference[:, 2].max() * 360 < 0.02
+
+
+def test_timing_and_camera_come_back_as_the_nouns() -> None:
+    record = example()
+    assert record.timing(record.frames[0]) == TIMING
+    assert record.settings.camera.intrinsics == CAMERA
+
+
+@pytest.mark.parametrize(
+    ("break_it", "where"),
+    [
+        (lambda r: r.update(version=2), "version"),
+        (lambda r: r.update(frames=[]), "frames"),
+        (lambda r: r.update(extra=1), "extra"),
+        (lambda r: r["frames"][0]["timing"].update(exposure_s=-1), r"frames\.0\.timing\.exposure_s"),
+        (lambda r: r["frames"][0]["trajectory"]["x_px"].pop(), "equally long"),
+        (lambda r: r["frames"][0]["trajectory"]["t_s"].reverse(), "t_s must rise"),
+        (lambda r: r["frames"][0]["trajectory"]["y_px"].__setitem__(3, None), r"frames\.0\.trajectory\.y_px\.3"),
+    ],
+)
+def test_a_broken_sidecar_is_refused_with_its_file_and_key(tmp_path: Path, break_it, where: str) -> None:
+    record = json.loads(example().encode())
+    break_it(record)
+    path = tmp_path / "out.rsvideo.json"
+    path.write_text(json.dumps(record))
+    with pytest.raises(UnreadableError, match=rf"out\.rsvideo\.json: .*{where}"):
+        sidecar.read(path)
+
+
+@pytest.mark.parametrize("text", ["[]", "{", "NaN", '{"version": 1, "input": "x"}', "[" * 100_000])
+def test_text_that_is_no_sidecar_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "x.json"
+    path.write_text(text)
+    with pytest.raises(UnreadableError, match=r"x\.json"):
+        sidecar.read(path)
