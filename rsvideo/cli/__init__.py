@@ -38,30 +38,19 @@ def rsvideo(
 
 def main() -> None:
     """The command `rsvideo`."""
-    from rsvideo.cli import ending
+    from rsvideo.cli import ending, quiet
 
     for library in ("OMP", "OPENBLAS", "MKL"):  # compiled kernels use the cores; threads within threads slow both
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    debug = os.environ.get("RSVIDEO_DEBUG") == "1"
-    if not debug:
-        _hush()
+    if quiet.wanted():
+        quiet.python_libraries()
     ending.listen()
     try:
         code = app(standalone_mode=False) or ending.Code.DONE
     except (Exception, ending.Stopped) as error:
-        if debug and not isinstance(error, ending.Stopped):
+        if not quiet.wanted() and not isinstance(error, ending.Stopped):
             raise
         code, line = ending.told(error)
         if line:
             print(f"rsvideo: {line}", file=sys.stderr)
     sys.exit(code)
-
-
-def _hush() -> None:
-    """Keep the libraries' own remarks off the user's terminal."""
-    import logging
-    import warnings
-
-    logging.getLogger().addHandler(logging.NullHandler())
-    warnings.simplefilter("ignore")
-    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")

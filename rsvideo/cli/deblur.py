@@ -44,6 +44,7 @@ def deblur(
     if threads:
         os.environ["NUMBA_NUM_THREADS"] = str(threads)  # read once, when numba is first imported
 
+    from rsvideo.cli import quiet
     from rsvideo.cli.ending import RefusedError
     from rsvideo.cli.progress import bar
     from rsvideo.config.files import UnreadableError, write_whole
@@ -67,7 +68,8 @@ def deblur(
             steering={name: value for name, value in steering.items() if value is not None},
             overwrite=overwrite,
         )
-        task = prepare(job)
+        with quiet.c_libraries():
+            task = prepare(job)
 
         from rsvideo.config import motion as motion_file  # with what follows, the slow ones: mistakes so far are told at once
         from rsvideo.pipeline import still

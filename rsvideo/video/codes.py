@@ -32,13 +32,12 @@ def check_pixels(rows: int, cols: int) -> None:
         raise ValueError(f"must hold at most {MOST_PIXELS / 1e6:g} Mpx, its header says {cols} x {rows}; is the header damaged?")
 
 
-def split(stored: UInt[np.ndarray, "rows cols *channels"]) -> tuple[np.ndarray, np.ndarray | None]:
+def split(stored: UInt[np.ndarray, "..."]) -> tuple[np.ndarray, np.ndarray | None]:
     """Colour and alpha of an array with 1 to 4 channels."""
     stored = stored[..., None] if stored.ndim == 2 else stored
-    channels = stored.shape[2]
-    if channels not in (1, 2, 3, 4):
-        raise ValueError(f"must have 1 to 4 channels, it has {channels}")
-    return (stored, None) if channels % 2 else (stored[..., :-1], stored[..., -1])
+    if stored.ndim != 3 or stored.shape[2] not in (1, 2, 3, 4) or not stored.size:
+        raise ValueError(f"must be rows of pixels with 1 to 4 channels, it is an array of {' x '.join(map(str, stored.shape))}")
+    return (stored, None) if stored.shape[2] % 2 else (stored[..., :-1], stored[..., -1])
 
 
 def joined(codes: Codes) -> UInt[np.ndarray, "rows cols channels"]:

@@ -17,8 +17,22 @@ _MOST_PROFILE = 16_000_000  # bytes
 
 def decode(data: bytes) -> Codes:
     """The picture in `data`; raises ValueError where a checksum or the end is wrong."""
-    icc = exif = None
-    colour_type = None
+    try:
+        colour_type, icc, exif = _header(data)
+        stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except (struct.error, zlib.error, IndexError, cv2.error) as error:
+        raise ValueError(f"is damaged: {error}") from error
+    if stored is None:
+        raise ValueError("is damaged: its pixels cannot be unpacked")
+    if stored.ndim == 3:
+        stored = stored[..., [0, 3] if colour_type == _GREY_ALPHA else [2, 1, 0, 3][: stored.shape[2]]]
+    samples, alpha = split(stored)
+    return Codes(samples=samples, alpha=alpha, icc=icc, exif=exif)
+
+
+def _header(data: bytes) -> tuple[int, bytes | None, bytes | None]:
+    """Colour type, colour profile and EXIF; every chunk is checked on the way."""
+    icc = exif = colour_type = None
     for kind, body in _chunks(data):
         match kind:
             case b"IHDR":
@@ -28,13 +42,9 @@ def decode(data: bytes) -> Codes:
                 icc = zlib.decompressobj().decompress(body.split(b"\0", 1)[1][1:], _MOST_PROFILE)
             case b"eXIf":
                 exif = body
-    stored = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if stored is None or colour_type is None:
-        raise ValueError("is damaged: its pixels cannot be unpacked")
-    if stored.ndim == 3:
-        stored = stored[..., [0, 3] if colour_type == _GREY_ALPHA else [2, 1, 0, 3][: stored.shape[2]]]
-    samples, alpha = split(stored)
-    return Codes(samples=samples, alpha=alpha, icc=icc, exif=exif)
+    if colour_type is None:
+        raise ValueError("is damaged: it has no header")
+    return colour_type, icc, exif
 
 
 def encode(codes: Codes) -> bytes:

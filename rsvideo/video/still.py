@@ -116,8 +116,10 @@ def _format(path: Path, data: bytes) -> Format:
 
 def encode(still: Still, pixels: Float32[np.ndarray, "rows cols channels"], kind: Format) -> tuple[bytes, tuple[str, ...]]:
     """A file of format `kind` that holds `pixels` in place of the still's own, and what the format could not keep."""
-    depth, notes = still.codes.samples.dtype, ()
-    alpha, record = still.codes.alpha, still.codes.exif
+    depth, alpha, record = still.codes.samples.dtype, still.codes.alpha, still.codes.exif
+    notes: tuple[str, ...] = ()
+    if kind is Format.TIFF and record:
+        record, notes = exif.carried_record(record)
     if kind is Format.JPEG:
         if depth != np.uint8:
             notes += (f"JPEG holds 8 bits a sample; {still.codes.bits} are rounded to that",)

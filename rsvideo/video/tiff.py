@@ -28,7 +28,7 @@ def decode(data: bytes) -> Codes:
             check_pixels(page.imagelength, page.imagewidth)
             _check_kind(page)
             stored = _pixels(page, data)
-            icc = page.tags.valueof(_ICC)
+            profile = page.tags.valueof(_ICC)
     except (tifffile.TiffFileError, OSError, IndexError, KeyError, TypeError, zlib.error) as error:
         raise ValueError(f"is damaged: {error}") from error
     samples, alpha = split(stored)
@@ -39,7 +39,7 @@ def decode(data: bytes) -> Codes:
     exif, notes = carried_record(data)
     if pages > 1:
         notes += (f"it holds {pages} pages; only the first is read",)
-    return Codes(samples=samples, alpha=alpha, icc=icc, exif=exif, notes=notes)
+    return Codes(samples=samples, alpha=alpha, icc=profile if isinstance(profile, bytes) else None, exif=exif, notes=notes)
 
 
 def _check_kind(page: tifffile.TiffPage) -> None:

@@ -61,6 +61,12 @@ def folder(path: Path) -> None:
     path.mkdir()
 
 
+def raw_header_only(path: Path) -> None:
+    """LibRaw itself remarks on this one."""
+    tifffile.imwrite(path, np.zeros((64, 64), np.uint16), photometric="cfa", extratags=[(50706, 1, 4, (1, 4, 0, 0), True)])
+    path.write_bytes(path.read_bytes()[:-4000])
+
+
 def nothing(path: Path) -> None:
     pass
 
@@ -82,6 +88,7 @@ def empty(path: Path) -> None:
         ("nan.tif", nan_tiff, ["NaN"]),
         ("inks.jpg", cmyk, ["CMYK"]),
         ("not.dng", text_named_png, ["is damaged"]),
+        ("cut.dng", raw_header_only, ["is damaged"]),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -1,0 +1,33 @@
+"""Keeps the libraries' own remarks off the user's terminal; RSVIDEO_DEBUG=1 lets them through."""
+
+import contextlib
+import logging
+import os
+import warnings
+from collections.abc import Iterator
+
+
+def wanted() -> bool:
+    """Whether the user has not asked to hear everything."""
+    return os.environ.get("RSVIDEO_DEBUG") != "1"
+
+
+def python_libraries() -> None:
+    """Silence warnings and logging for good."""
+    logging.getLogger().addHandler(logging.NullHandler())
+    warnings.simplefilter("ignore")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+
+
+@contextlib.contextmanager
+def c_libraries() -> Iterator[None]:
+    """Silence what libpng, libtiff and LibRaw print about a damaged file: the command says it in its own line."""
+    if not wanted():
+        yield
+        return
+    with open(os.devnull, "wb") as nowhere, open(os.dup(2), "wb") as terminal:  # noqa: PTH123 # the second is a descriptor
+        os.dup2(nowhere.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(terminal.fileno(), 2)
