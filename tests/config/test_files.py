@@ -1,3 +1,4 @@
+import contextlib
 import resource
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,13 +8,15 @@ import pytest
 from rsvideo.config.files import UnreadableError, read_whole, write_whole
 
 
-@pytest.fixture
+@contextlib.contextmanager
 def files_of_at_most_1000_bytes() -> Iterator[None]:
-    """A disk that is full, as far as this process can tell."""
+    """A disk that is full, as far as this process can tell; not a fixture, since pytest too may write into a file."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
 def test_what_is_written_is_read_back(tmp_path: Path) -> None:
@@ -23,17 +26,17 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 2
 
 
-def test_if_one_file_cannot_be_written_none_appears(tmp_path: Path, files_of_at_most_1000_bytes: None) -> None:
-    with pytest.raises(OSError, match="large") as caught:
+def test_if_one_file_cannot_be_written_none_appears(tmp_path: Path) -> None:
+    with files_of_at_most_1000_bytes(), pytest.raises(OSError, match="large") as caught:
         write_whole({tmp_path / "small": b"x", tmp_path / "large": b"x" * 100_000})
     assert caught.value.filename == str(tmp_path / "large")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_failed_write_leaves_the_older_file_as_it_was(tmp_path: Path, files_of_at_most_1000_bytes: None) -> None:
+def test_a_failed_write_leaves_the_older_file_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "picture"
     path.write_bytes(b"older")
-    with pytest.raises(OSError, match="picture"):
+    with files_of_at_most_1000_bytes(), pytest.raises(OSError, match="picture"):
         write_whole({path: b"x" * 100_000})
     assert path.read_bytes() == b"older"
     assert [p.name for p in tmp_path.iterdir()] == ["picture"]
