@@ -23,10 +23,10 @@ def encode(transfer: Transfer, linear: Float32[np.ndarray, "*shape"]) -> Float32
     light = np.clip(linear, 0, 1)
     match transfer:
         case Transfer.SRGB:
-            return np.where(light <= _SRGB_KNEE, 12.92 * light, 1.055 * light ** np.float32(1 / 2.4) - 0.055).astype(np.float32)
+            return np.where(light <= _SRGB_KNEE, 12.92 * light, 1.055 * light ** np.float32(1 / 2.4) - 0.055)
         case Transfer.BT709:
             curve = _BT709_ALPHA * light ** np.float32(0.45) - (_BT709_ALPHA - 1)
-            return np.where(light < _BT709_BETA, 4.5 * light, curve).astype(np.float32)
+            return np.where(light < _BT709_BETA, 4.5 * light, curve)
         case Transfer.LINEAR:
             return light
 
@@ -35,9 +35,9 @@ def decode(transfer: Transfer, codes: Float32[np.ndarray, "*shape"]) -> Float32[
     """Linear light of code values in [0, 1]; the inverse of `encode`."""
     match transfer:
         case Transfer.SRGB:
-            return np.where(codes <= 12.92 * _SRGB_KNEE, codes / 12.92, ((codes + 0.055) / 1.055) ** np.float32(2.4)).astype(np.float32)
+            return np.where(codes <= 12.92 * _SRGB_KNEE, codes / 12.92, ((codes + 0.055) / 1.055) ** np.float32(2.4))
         case Transfer.BT709:
             curve = ((codes + (_BT709_ALPHA - 1)) / _BT709_ALPHA) ** np.float32(1 / 0.45)
-            return np.where(codes < 4.5 * _BT709_BETA, codes / 4.5, curve).astype(np.float32)
+            return np.where(codes < 4.5 * _BT709_BETA, codes / 4.5, curve)
         case Transfer.LINEAR:
             return codes

@@ -13,6 +13,7 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY_ALPHA = 4
 _COLOUR_TYPE = {1: 0, 2: _GREY_ALPHA, 3: 2, 4: 6}
 _MOST_PROFILE = 16_000_000  # bytes
+_LEVEL = 4  # four times as fast as 6, for 7 % more
 
 
 def decode(data: bytes) -> Codes:
@@ -59,7 +60,7 @@ def encode(codes: Codes) -> bytes:
         chunks.append((b"iCCP", b"ICC profile\0\0" + zlib.compress(codes.icc)))
     if codes.exif:
         chunks.append((b"eXIf", codes.exif))
-    chunks += [(b"IDAT", zlib.compress(filtered.tobytes(), 6)), (b"IEND", b"")]
+    chunks += [(b"IDAT", zlib.compress(filtered.tobytes(), _LEVEL)), (b"IEND", b"")]
     return _SIGNATURE + b"".join(_chunk(kind, body) for kind, body in chunks)
 
 

@@ -18,6 +18,7 @@ _STRAIGHT = 2
 _DEFLATE = 8
 _ICC = 34675
 _ROWS_PER_STRIP = 64
+_LEVEL = 4  # four times as fast as 6, for 7 % more
 
 
 def decode(data: bytes) -> Codes:
@@ -82,7 +83,7 @@ def encode(codes: Codes) -> bytes:
     difference = stored.copy()
     difference[:, 1:] -= stored[:, :-1]  # modulo 2^bits, as predictor 2 has it
     little = difference.astype(f"<u{codes.bits // 8}")
-    strips = [zlib.compress(little[at : at + _ROWS_PER_STRIP].tobytes(), 6) for at in range(0, rows, _ROWS_PER_STRIP)]
+    strips = [zlib.compress(little[at : at + _ROWS_PER_STRIP].tobytes(), _LEVEL) for at in range(0, rows, _ROWS_PER_STRIP)]
     lengths = tuple(len(strip) for strip in strips)
     offsets = tuple(int(n) for n in np.cumsum((0, *lengths[:-1])))  # after the directory; Pillow adds its length
     directory = carried(codes.exif) if codes.exif else Image.Exif()

@@ -2,6 +2,7 @@
 
 import os
 import time
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from rsvideo.pipeline import still
 def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, observe) -> FrameResult:
     """Nothing is restored, but everything around it is real."""
     print("working", flush=True)
+    observe(SimpleNamespace(stage="half way", fraction=0.5))
     time.sleep(float(os.environ.get("DAWDLE", "0")))
     return FrameResult(
         frame=frame,

@@ -1,6 +1,10 @@
 """What the command says and writes when all is well."""
 
+import contextlib
 import json
+import os
+import pty
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +15,7 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from tests.cli.conftest import Run
+from tests.cli.conftest import STAND_IN, Run
 
 GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", "100")
 
@@ -91,6 +95,22 @@ def test_what_the_output_cannot_hold_is_noted(rsvideo_at_once: Run, tmp_path: Pa
     assert done.returncode == 0, done.stderr
     assert "note: JPEG holds no transparency" in done.stderr
     assert "note: JPEG holds 8 bits" in done.stderr
+
+
+def test_a_bar_shows_on_a_terminal_and_only_there(photograph: Path) -> None:
+    ours, theirs = pty.openpty()
+    words = [sys.executable, STAND_IN, "deblur", photograph, "-o", photograph.with_name("out.png"), *GOOD]
+    environment = os.environ | {"TERM": "xterm", "NO_COLOR": "1", "DAWDLE": "0.3"}
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=theirs, env=environment):
+        os.close(theirs)
+        told = b""
+        with contextlib.suppress(OSError):  # how Linux says that the other end of a terminal is gone
+            while more := os.read(ours, 4096):
+                told += more
+    os.close(ours)
+    assert b"half way" in told
+    assert b"50 %" in told
+    assert not re.search(rb"\x1b\[[0-9;]*3[0-8]", told)  # no colour
 
 
 def test_a_drawn_sidecar_is_a_figure(rsvideo: Run, rsvideo_at_once: Run, photograph: Path) -> None:

@@ -16,7 +16,7 @@ HEADER = "t_s,pitch_rad,yaw_rad,roll_rad\n"
 
 def recorded(path: Path, *, step: float = 0.0005, start: float = 0.0, end: float = 0.04, roll: float = 0.001) -> Path:
     t = np.linspace(start, end, round((end - start) / step) + 1)
-    angles = np.stack([0.004 * np.sin(60 * t), 0.005 * np.cos(90 * t), roll * np.sin(40 * t)], axis=1)
+    angles = np.stack([0.004 * np.sin(600 * t), 0.005 * np.cos(90 * t), roll * np.sin(40 * t)], axis=1)
     rows = "".join(f"{s:.9g},{p:.9g},{y:.9g},{r:.9g}\n" for s, (p, y, r) in zip(t, angles, strict=True))
     path.write_text(HEADER + rows)
     return path
@@ -25,8 +25,8 @@ def recorded(path: Path, *, step: float = 0.0005, start: float = 0.0, end: float
 def test_recorded_angles_become_pixels_to_a_hundredth(tmp_path: Path) -> None:
     curve = motion.read(recorded(tmp_path / "motion.csv"), TIMING, CAMERA)
     t = np.linspace(0, 0.04, 333)
-    true = np.stack([5 * np.cos(90 * t), -4 * np.sin(60 * t), 0.001 * np.sin(40 * t)], axis=1)
-    middle = np.array([5 * np.cos(1.8), -4 * np.sin(1.2), 0.001 * np.sin(0.8)])
+    true = np.stack([5 * np.cos(90 * t), -4 * np.sin(600 * t), 0.001 * np.sin(40 * t)], axis=1)
+    middle = np.array([5 * np.cos(1.8), -4 * np.sin(12), 0.001 * np.sin(0.8)])
     error = np.abs(curve.at(t) - (true - middle))
     assert error[:, :2].max() < 0.02  # the pose at the middle has its own hundredth
     assert error[:, 2].max() * 360 < 0.02
