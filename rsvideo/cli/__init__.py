@@ -13,9 +13,7 @@ from rsvideo.cli.deblur import deblur
 from rsvideo.cli.plot import plot
 from rsvideo.cli.simulate import simulate
 
-app = typer.Typer(
-    add_completion=False, no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]}
-)
+app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
 app.command()(deblur)
 app.command()(plot)
 app.command()(simulate)
@@ -51,6 +49,5 @@ def main() -> None:
         if not quiet.wanted() and not isinstance(error, ending.Stopped):
             raise
         code, line = ending.told(error)
-        if line:
-            print(f"rsvideo: {line}", file=sys.stderr)
+        print(f"rsvideo: {line}", file=sys.stderr)
     sys.exit(code)

@@ -62,6 +62,6 @@ def _told(error: BaseException) -> tuple[int, str]:
             return Code.FAILED, f"{error.filename or 'a file'} could not be written: {error.strerror or error}"
         case _ if hasattr(error, "format_message"):  # what typer raises for a command line it cannot parse
             words = str(error.format_message()).replace("Value error, ", "")  # pyright: ignore[reportAttributeAccessIssue]
-            return Code.USAGE, f"{words} (rsvideo --help lists what there is)" if words else ""
+            return Code.USAGE, f"{words} (rsvideo --help lists what there is)"
         case _:
             return Code.FAILED, f"failed while working: {type(error).__name__}: {error} (RSVIDEO_DEBUG=1 shows where)"

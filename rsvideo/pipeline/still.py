@@ -1,5 +1,6 @@
 """One photograph, from file to file."""
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -57,7 +58,7 @@ def _record(task: Task, settings: Settings, result: FrameResult) -> sidecar.Side
             direction=task.timing.direction,
             transfer=task.still.transfer,
             trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
-            restoration=asdict(settings),
+            restoration=json.loads(json.dumps(asdict(settings))),
         ),
         frames=[
             sidecar.FrameRecord(

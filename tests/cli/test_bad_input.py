@@ -128,6 +128,10 @@ def test_a_wrong_setting_is_refused_with_its_rule_its_value_and_the_likely_slip(
     assert not photograph.with_name("out.png").exists()
 
 
+def test_no_command_at_all_is_told_where_to_look(rsvideo: Run) -> None:
+    one_line(rsvideo(), 2, "Missing command", "--help")
+
+
 def test_rotation_asks_for_the_focal_length(rsvideo: Run, photograph: Path) -> None:
     done = rsvideo("deblur", photograph, "-o", photograph.with_name("out.png"), "--exposure", "1/50", "--readout", "20ms")
     one_line(done, 2, "focal-px must be given", "35 mm equivalent", "--motion shift")
