@@ -84,9 +84,9 @@ def test_axes_name_the_gyro_s_axis_along_each_of_the_camera_s():
 @pytest.mark.parametrize(
     ("log", "slip"),
     [
-        ("", "empty"),
-        ("# nothing\n", "empty"),
-        ("t_ns wx wy wz\n", "empty"),
+        ("", "log is empty"),
+        ("# nothing\n", "log is empty"),
+        ("t_ns wx wy wz\n", "log is empty"),
         ("0 1 2 3", "2 samples"),
         (text([(0, 0, 0, 0), (5_000_000, 0, 0)]), "line 2"),
         (text([(0, 0, 0, 0), (5_000_000, 0, 0, 0, 0)]), "line 2"),
