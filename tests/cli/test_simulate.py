@@ -88,6 +88,14 @@ def test_a_seed_repeats_the_frame_and_another_does_not(photo, rendered, tmp_path
         assert (tmp_path / "3" / name).read_bytes() != (rendered / name).read_bytes()
 
 
+def test_another_seed_gives_other_noise_on_the_same_motion(photo, tmp_path):
+    for seed in ("2", "3"):
+        (tmp_path / seed).mkdir()
+        VERB([str(photo), "-o", str(tmp_path / seed / "b.png"), *TIMING, "--polynomial", "x:0,3", "--seed", seed], standalone_mode=False)
+    assert (tmp_path / "2" / "motion.csv").read_bytes() == (tmp_path / "3" / "motion.csv").read_bytes()
+    assert (tmp_path / "2" / "b.png").read_bytes() != (tmp_path / "3" / "b.png").read_bytes()
+
+
 def test_a_gyro_log_gives_the_motion_it_recorded(photo, tmp_path):
     log = tmp_path / "gyro.txt"
     log.write_text(LOG)
