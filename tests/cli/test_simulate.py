@@ -61,6 +61,7 @@ def test_it_writes_the_frame_the_truth_the_motion_and_the_case(rendered):
     assert case["exposure_s"] == 0.02
     assert case["readout_s"] == pytest.approx(0.02)
     assert case["blur_px"] == pytest.approx(6)
+    assert case["roll"] is True
     assert np.std(blurred) < 0.7 * np.std(truth)
 
 
@@ -108,6 +109,7 @@ def test_a_gyro_log_gives_the_motion_it_recorded(photo, tmp_path):
     rates = (motion[-1, 1:] - motion[0, 1:]) / (motion[-1, 0] - motion[0, 0])
     np.testing.assert_allclose(rates, [0.5, -0.1, 0], atol=2e-3)
     assert iio.imread(tmp_path / "t.tif").dtype == np.uint16
+    assert json.loads((tmp_path / "case.json").read_text())["roll"] is False
 
 
 @pytest.mark.parametrize("as_file", [False, True])
