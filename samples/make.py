@@ -1,7 +1,7 @@
 """Renders the samples that ship with the project: python samples/make.py
 
 Each is made by the command `rsvideo simulate` from a photograph inside the scikit-image package; README.md beside this file
-states their sources and licences. The same command and seed give the same files.
+states their sources and licences. The same command and seed give the same pixels.
 """
 
 import subprocess
