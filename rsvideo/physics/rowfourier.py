@@ -141,11 +141,11 @@ class RowFourier:
 
     def spectrum(self, image: Float[np.ndarray, "n period"]) -> Complex[np.ndarray, "n frequencies"]:
         """The Fourier transform along rows."""
-        return scipy.fft.rfft(image, axis=1)
+        return np.asarray(scipy.fft.rfft(image, axis=1))
 
     def image(self, spectrum: Complex[np.ndarray, "n frequencies"]) -> Float[np.ndarray, "n period"]:
         """The inverse of `spectrum`."""
-        return scipy.fft.irfft(spectrum, n=self.period, axis=1)
+        return np.asarray(scipy.fft.irfft(spectrum, n=self.period, axis=1))
 
     def forward(self, latent: Complex[np.ndarray, "latent_rows frequencies"]) -> Complex[np.ndarray, "rows frequencies"]:
         """K l, spectrum to spectrum."""
@@ -181,7 +181,7 @@ def row_fourier(displacement: Float[np.ndarray, "rows samples 2"], cols: int, *,
     left = int(max(0.0, np.ceil(-dx.min()))) + margin
     right = int(max(0.0, np.ceil(dx.max()))) + margin
     period = scipy.fft.next_fast_len(cols + left + right, real=True)
-    period += period % 2
+    period += period % 2  # pyright: ignore[reportOperatorIssue]  # scipy's stub says it may be None
     base = (lowest + top).astype(np.int64)
     count = -(-(period // 2 + 1) // _LANES)
     first = (index - index.min(axis=1, keepdims=True)).astype(np.int64)

@@ -6,7 +6,7 @@ from jaxtyping import Float, Int
 TAPS = 2
 
 
-def taps(offset: Float[np.ndarray, "*n"]) -> tuple[Int[np.ndarray, "*n"], Float[np.ndarray, "*n {TAPS}"]]:
+def taps(offset: Float[np.ndarray, "*n"]) -> tuple[Int[np.ndarray, "*n"], Float[np.ndarray, "*n taps"]]:
     """The first of the neighbours that a sample at `offset` reads and their weights (linear interpolation)."""
     first = np.floor(offset)
     fraction = offset - first
