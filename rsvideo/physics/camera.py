@@ -34,3 +34,38 @@ class Intrinsics:
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """C: camera coordinates to homogeneous pixels."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+
+def turned(
+    intrinsics: Intrinsics, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"], poses: Float[np.ndarray, "*n axes"]
+) -> Float[np.ndarray, "*n 2"]:
+    """How far the sample of pixel (x, y) moves under each pose: w(x; p) - x of Eq. (4).
+
+    Two axes are the paper's shift, the same for every pixel; three are the homography C R C^-1 with R = exp([(pitch, yaw, roll)]_x),
+    yaw = x_px / fx, pitch = -y_px / fy.
+    """
+    if poses.shape[-1] == 2:
+        return poses + 0.0 * (x + y)[..., None]
+    u, v = (x - intrinsics.cx) / intrinsics.fx, (y - intrinsics.cy) / intrinsics.fy
+    a, b, c = -poses[..., 1] / intrinsics.fy, poses[..., 0] / intrinsics.fx, poses[..., 2]
+    angle2 = a * a + b * b + c * c
+    angle = np.sqrt(angle2)
+    sine = np.sinc(angle / np.pi)  # sin(angle) / angle
+    cosine = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos(angle)) / angle^2
+    cross = (b - c * v, c * u - a, a * v - b * u)  # omega x (u, v, 1)
+    twice = (b * cross[2] - c * cross[1], c * cross[0] - a * cross[2], a * cross[1] - b * cross[0])
+    ray = [m + sine * p + cosine * q for m, p, q in zip((u, v, np.ones_like(u)), cross, twice, strict=True)]  # Rodrigues
+    return np.stack([intrinsics.fx * (ray[0] / ray[2] - u), intrinsics.fy * (ray[1] / ray[2] - v)], axis=-1)
+
+
+def lever(intrinsics: Intrinsics, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"], axes: int) -> Float[np.ndarray, "*n 2 axes"]:
+    """The derivative of `turned` in the pose at rest: how each axis moves the sample of pixel (x, y)."""
+    out = np.zeros((*np.broadcast_shapes(x.shape, y.shape), 2, axes))
+    if axes == 2:
+        out[..., 0, 0] = out[..., 1, 1] = 1
+        return out
+    u, v = (x - intrinsics.cx) / intrinsics.fx, (y - intrinsics.cy) / intrinsics.fy
+    ratio = intrinsics.fx / intrinsics.fy
+    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1 + u * u, u * v * ratio, -v * intrinsics.fx
+    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = u * v / ratio, 1 + v * v, u * intrinsics.fy
+    return out

@@ -1,0 +1,74 @@
+"""A frame as column tiles, in each of which the path depends on the scanline alone.
+
+With roll, or a wide lens, the path of a pixel also depends on its column, but slowly: within a narrow tile the path at
+its middle column serves them all, and the tile keeps the exact row-Fourier solver of a shift.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.camera import Intrinsics, lever, turned
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Trajectory
+
+NARROWEST = 48  # columns a tile keeps for itself; narrower ones cost more and gain nothing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tile:
+    """Columns [first, last) are seen by the tile, columns [start, stop) of them belong to it."""
+
+    first: int
+    last: int
+    start: int
+    stop: int
+
+    @property
+    def middle(self) -> float:
+        """The column whose path stands for the tile."""
+        return 0.5 * (self.start + self.stop - 1)
+
+
+def split(cols: int, count: int, overlap: int) -> list[Tile]:
+    """`count` tiles of equal width that see `overlap` columns beyond their own on either side."""
+    edges = np.linspace(0, cols, count + 1).round().astype(int)
+    return [
+        Tile(first=max(0, a - overlap), last=min(cols, b + overlap), start=int(a), stop=int(b))
+        for a, b in zip(edges[:-1], edges[1:], strict=True)
+    ]
+
+
+def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, tolerance: float) -> int:
+    """How many tiles keep the path's error at a tile's edge below `tolerance` px (two axes: one tile)."""
+    times = np.linspace(*timing.interval, 33)
+    poses = trajectory.at(times)
+    if poses.shape[1] == 2:
+        return 1
+    edge = np.array([0.0, (intrinsics.cols - 1) / 2, intrinsics.cols - 1.0])
+    x, y = np.meshgrid(edge, np.array([0.0, intrinsics.rows - 1.0]))
+    moved = turned(intrinsics, x[..., None] + 0 * times, y[..., None] + 0 * times, np.broadcast_to(poses, (*x.shape, *poses.shape)))
+    within = max(1, round(len(times) * timing.exposure / timing.interval[1]))  # only what moves within one exposure blurs
+    change = np.diff(moved, axis=1)  # between columns
+    spread = max(
+        float(np.linalg.norm(change[:, :, i : i + within].max(axis=2) - change[:, :, i : i + within].min(axis=2), axis=-1).max())
+        for i in range(len(times) - within + 1)
+    )
+    whole = float(np.linalg.norm(change, axis=-1).max())  # a shift of whole scanlines, blended between tiles
+    count = max(spread / (2 * tolerance), whole / (6 * tolerance))
+    return int(np.clip(np.ceil(count), 1, max(1, intrinsics.cols // NARROWEST)))
+
+
+def displacement(
+    tile: Tile, trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, samples: int
+) -> Float[np.ndarray, "rows samples 2"]:
+    """Where the tile's scanlines sample the latent image over their exposures, relative to the pixel."""
+    poses = trajectory.at(timing.sample_times(samples))
+    rows = np.broadcast_to(np.arange(timing.rows, dtype=float)[:, None], poses.shape[:2])
+    return turned(intrinsics, np.full(poses.shape[:2], tile.middle), rows, poses)
+
+
+def levers(tile: Tile, intrinsics: Intrinsics, rows: int, axes: int) -> Float[np.ndarray, "rows 2 axes"]:
+    """The derivative of `displacement` in each scanline's pose."""
+    return lever(intrinsics, np.full(rows, tile.middle), np.arange(rows, dtype=float), axes)

@@ -1,0 +1,240 @@
+"""From one blurred frame to its trajectory and its latent image (Algorithm 1, and what replaces its inner loop)."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.trajectory import Trajectory, centred, still
+from rsvideo.restoration import deblur as latent_update
+from rsvideo.restoration import initialise, motion, strips
+from rsvideo.restoration.kernel import KernelSettings
+from rsvideo.restoration.motion import Refined, Scene
+from rsvideo.restoration.strips import Candidate, Strip
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
+WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
+SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a frame is restored. The paper's symbols stand behind the names."""
+
+    motion: Literal["rotation", "shift"] = "rotation"
+    degree: int = 4  # P
+    start: Literal["kernels", "tracing"] = "kernels"  # the first trajectory: a fit of rendered PSFs, or the paper's tracing
+    refinement: Literal["sparsity", "alternation"] = "sparsity"  # latent image eliminated, or the paper's Algorithm 1
+    prior: Literal["denoiser", "tv"] = "denoiser"
+    samples: int = 30  # K, path samples an exposure
+    mu: float = 1e-2  # the alternation's first weight of total variation
+    mu_factor: float = 0.7  # tau
+    mu_last: float = 1e-3
+    mu_final: float = 7e-4  # of the final image, with prior "tv"
+    tolerance: float = 0.25  # px, a tile's error at its edge
+    candidates: int = 5  # first trajectories that are refined before one is chosen
+    stiffness: float = 1e-3  # weight of the prior on a hand's motion
+    threads: int = 2  # for the strips; compiled loops use numba's own setting
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.degree <= 12:
+            raise ValueError(f"degree must lie in [1, 12], got {self.degree}; one frame does not determine more")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Iterate:
+    """A state of the work that can be shown (the paper's Fig. 5)."""
+
+    stage: str
+    fraction: float  # of the whole work, 0 to 1
+    trajectory: Trajectory | None
+    latent: np.ndarray | None
+
+
+def ignore(_: Iterate) -> None:
+    """Watch nothing."""
+
+
+def restore(
+    frame: Frame,
+    timing: ShutterTiming,
+    intrinsics: Intrinsics,
+    settings: Settings,
+    *,
+    timing_source: str = "explicit",
+    trajectory: Trajectory | None = None,
+    observe: Callable[[Iterate], None] = ignore,
+) -> FrameResult:
+    """The latent image of `frame` at the pose of the middle of its interval, blind unless a trajectory is given.
+
+    Trajectories, given and returned, are in image axes. Where the verdict is not RESTORED the latent image is the frame's own.
+    """
+    started = time.monotonic()
+    direction = timing.direction
+    view = _along_scanlines(frame, timing, intrinsics)
+    turn = direction.pose_from_scanlines
+    scene = _scene(view, settings)
+    verdict = Verdict.RESTORED
+    path: Trajectory | None = None
+    if trajectory is not None:
+        axes = trajectory.coefficients.shape[1]
+        path = trajectory.with_coefficients(trajectory.coefficients @ turn[:axes, :axes])
+    elif scene.gradient_power < max(1e-7, 8 * scene.noise**2):
+        verdict = Verdict.NO_TEXTURE
+    else:
+        for iterate in estimate(scene, settings):
+            path = iterate.trajectory
+            observe(iterate)
+        assert path is not None
+        verdict = judge(scene, path)
+    axes = 2 if path is None else path.coefficients.shape[1]
+    path = still(timing.interval, degree=settings.degree, axes=axes) if path is None else centred(path, timing.middle)
+    latent = frame.pixels
+    if verdict is Verdict.RESTORED:
+        steps = latent_update.deblur(
+            view.frame.pixels,
+            view.frame.clipped,
+            path,
+            view.intrinsics,
+            view.timing,
+            samples=settings.samples,
+            prior=settings.prior,
+            mu=settings.mu_final if settings.prior == "tv" else 5e-4,
+            noise=view.noise,
+            tolerance=settings.tolerance,
+        )
+        for step, image in enumerate(steps):
+            latent = image
+            fraction = 0.75 + 0.25 * min(step / latent_update.SPLITTINGS, 1)
+            observe(Iterate(stage="latent image", fraction=fraction, trajectory=path, latent=direction.image(latent)))
+        latent = np.ascontiguousarray(direction.image(latent))
+    return FrameResult(
+        frame=frame,
+        timing=timing,
+        timing_source=timing_source,
+        trajectory=path.with_coefficients(path.coefficients @ turn[:axes, :axes].T),
+        latent=latent,
+        verdict=verdict,
+        seconds=time.monotonic() - started,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    frame: Frame
+    timing: ShutterTiming
+    intrinsics: Intrinsics
+    noise: float  # in linear light
+
+
+def _along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics) -> _View:
+    """The frame as if it had been read from top to bottom."""
+    way = timing.direction
+    pixels = np.ascontiguousarray(way.scanlines(frame.pixels), np.float32)
+    c = intrinsics
+    if way in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT):
+        c = Intrinsics(fx=c.fy, fy=c.fx, cx=c.cy, cy=c.cx, rows=c.cols, cols=c.rows)
+    if way in (Direction.BOTTOM_TO_TOP, Direction.RIGHT_TO_LEFT):
+        c = replace(c, cy=c.rows - 1 - c.cy)
+    return _View(
+        frame=Frame(pixels=pixels, clipped=np.ascontiguousarray(way.scanlines(frame.clipped)), time=frame.time, index=frame.index),
+        timing=replace(timing, direction=Direction.TOP_TO_BOTTOM),
+        intrinsics=c,
+        noise=max(motion.noise_level(_luminance(pixels)) * (math.sqrt(1.8) if pixels.shape[2] == 3 else 1.0), 1e-3),
+    )
+
+
+def _luminance(pixels: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
+    return pixels @ LUMINANCE if pixels.shape[2] == 3 else pixels.mean(axis=2)
+
+
+def _scene(view: _View, settings: Settings) -> Scene:
+    grey = _luminance(view.frame.pixels)
+    white = max(float(np.percentile(grey, 99.5)), 1e-3)
+    normalised = np.minimum(grey / white, 1).astype(np.float32)
+    valid = ~(view.frame.clipped.any(axis=2) | (grey >= white))
+    return Scene(
+        frame=normalised,
+        valid=valid.astype(np.float32),
+        timing=view.timing,
+        intrinsics=view.intrinsics,
+        samples=min(settings.samples, 24),
+        tiles=int(np.clip(round(grey.shape[1] / 120), 2, 6)),
+        noise=motion.noise_level(normalised),
+    )
+
+
+def _window(scene: Scene) -> Scene:
+    """The columns with most texture, where the frame is wider than the estimation needs."""
+    cols = scene.frame.shape[1]
+    if cols <= WINDOW_COLS:
+        return scene
+    power = np.abs(np.diff(scene.frame, axis=1)).sum(axis=0)
+    total = np.convolve(power, np.ones(WINDOW_COLS - 1), "valid")
+    first = int(np.argmax(total))
+    part = slice(first, first + WINDOW_COLS)
+    c = replace(scene.intrinsics, cx=scene.intrinsics.cx - first, cols=WINDOW_COLS)
+    return replace(
+        scene, frame=np.ascontiguousarray(scene.frame[:, part]), valid=np.ascontiguousarray(scene.valid[:, part]), intrinsics=c
+    )
+
+
+def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
+    """The trajectory, coarse to fine; the last iterate is the answer."""
+    part = _window(scene)
+    kernels = KernelSettings()
+    found = initialise.strip_kernels(part.frame, part.timing, kernels, parts=1, threads=settings.threads)
+    yield Iterate(stage="strip kernels", fraction=0.15, trajectory=still(part.timing.interval, degree=1, axes=2), latent=None)
+    starts = list(initialise.candidates(found, part.timing, part.intrinsics, degree=settings.degree, most=settings.candidates))
+    reach = max(strips.reach(found), 2.0)
+    ranked: list[tuple[float, Refined]] = []
+    for i, start in enumerate(starts):
+        refined = motion.refine(
+            part, start.trajectory, ridge=3 * part.ridge, steps=8, stiffness=settings.stiffness, reach=reach
+        )
+        ranked.append((_rank(part, refined, start), refined))
+        yield Iterate(
+            stage="candidate paths", fraction=0.15 + 0.35 * (i + 1) / len(starts), trajectory=refined.trajectory, latent=None
+        )
+    best = min(ranked, key=lambda pair: pair[0])[1].trajectory
+    best = motion.refine(part, best, ridge=3 * part.ridge, steps=16, stiffness=settings.stiffness, reach=reach).trajectory
+    best = motion.refine(part, best, ridge=part.ridge, steps=8, stiffness=settings.stiffness, reach=reach).trajectory
+    yield Iterate(stage="path", fraction=0.6, trajectory=best, latent=None)
+    if settings.motion == "rotation":
+        best = _with_roll(scene, best, reach, kernels, settings)
+        yield Iterate(stage="path with roll", fraction=0.75, trajectory=best, latent=None)
+
+
+def _rank(scene: Scene, refined: Refined, start: Candidate) -> float:
+    """Lower is better: sparse, explained by the strips' kernels, of low energy (Eq. 15), and near where it started."""
+    energy = motion.energy(scene, refined.trajectory, mu=1e-3)
+    return refined.value + 0.1 * start.energy + 0.05 * math.log(energy) + 1e-3 * refined.moved
+
+
+def _with_roll(scene: Scene, shift: Trajectory, reach: float, kernels: KernelSettings, settings: Settings) -> Trajectory:
+    """The path with roll: from the kernels of the frame's left and right halves, or from none, whichever is sparser."""
+    halves: list[Strip] = initialise.strip_kernels(scene.frame, scene.timing, kernels, parts=2, threads=settings.threads)
+    flat = still(scene.timing.interval, degree=settings.degree, axes=3)
+    flat = flat.with_coefficients(np.hstack([shift.coefficients, np.zeros((settings.degree + 1, 1))]))
+    fitted = strips.fit(halves, scene.timing, scene.intrinsics, degree=settings.degree, stiffness=8e-3, keep=1, start=flat)[0].trajectory
+    rolled = flat.with_coefficients(np.hstack([flat.coefficients[:, :2], fitted.coefficients[:, 2:]]))
+    starts = [motion.refine(scene, s, ridge=3 * scene.ridge, steps=5, stiffness=settings.stiffness, reach=reach) for s in (flat, rolled)]
+    best = min(starts, key=lambda r: r.value).trajectory
+    return motion.refine(scene, best, ridge=scene.ridge, steps=8, stiffness=settings.stiffness, reach=reach).trajectory
+
+
+def judge(scene: Scene, path: Trajectory) -> Verdict:
+    """Whether restoring along `path` will help."""
+    times = scene.timing.sample_times(scene.samples)[:: max(1, scene.timing.rows // 16)]
+    poses = path.at(times)[..., :2]
+    longest = float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
+    if longest < SHORTEST:
+        return Verdict.SHARP
+    return Verdict.RESTORED

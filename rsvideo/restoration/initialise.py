@@ -1,0 +1,62 @@
+"""The first trajectories of a frame, from blind uniform deconvolution of its strips (Sec. 4.2.2)."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.restoration import kernel as uniform
+from rsvideo.restoration.kernel import KernelSettings
+from rsvideo.restoration.strips import Candidate, Strip, fit
+
+STRIPS = 5
+SHARE = 0.36  # of the frame's scanlines that a strip spans; neighbours overlap
+SIZES = (31, 47, 69)  # kernel sizes tried in turn while the blur fills the smaller one
+STIFFNESSES = (8e-3, 2e-3, 5e-4)  # of the prior on the path: stiff ones find the sense of time, soft ones strong curves
+
+
+def strip_kernels(
+    frame: Float[np.ndarray, "rows cols"], timing: ShutterTiming, settings: KernelSettings, *, parts: int, threads: int
+) -> list[Strip]:
+    """Overlapping strips over the frame's scanlines, each cut into `parts` side by side, with their kernels."""
+    rows, cols = frame.shape
+    height = max(round(SHARE * rows), min(rows, 48))
+    count = 1 if timing.readout == 0 else STRIPS
+    firsts = np.linspace(0, rows - height, count).round().astype(int) if count > 1 else [0]
+    height = height if count > 1 else rows
+    edges = np.linspace(0, cols, parts + 1).round().astype(int)
+    cells = [(int(f), int(a), int(b)) for f in firsts for a, b in zip(edges[:-1], edges[1:], strict=True)]
+
+    def strip(cell: tuple[int, int, int], size: int) -> Strip:
+        first, left, right = cell
+        image = np.ascontiguousarray(frame[first : first + height, left:right])
+        *_, kernel = uniform.estimate(image, min(size, (min(image.shape) // 2 - 1) | 1), settings)
+        return Strip(first=first, last=first + height, middle=(left + right - 1) / 2, kernel=kernel)
+
+    with ThreadPoolExecutor(threads) as pool:
+        strips: list[Strip] = []
+        for size in SIZES:
+            strips = list(pool.map(lambda cell, size=size: strip(cell, size), cells))
+            if np.median([_border_share(s.kernel) for s in strips]) < 0.02:
+                break
+    return strips
+
+
+def _border_share(kernel: Float[np.ndarray, "k k"]) -> float:
+    """The share of a kernel's mass in its outermost tenth."""
+    rim = max(1, len(kernel) // 10)
+    return 1 - float(kernel[rim:-rim, rim:-rim].sum())
+
+
+def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, *, degree: int, most: int) -> Iterator[Candidate]:
+    """At most `most` distinct trajectories worth refining, from several stiffnesses of the prior."""
+    found: list[Candidate] = []
+    for stiffness in STIFFNESSES:
+        for c in fit(strips, timing, intrinsics, degree=degree, stiffness=stiffness, keep=3):
+            apart = all(np.linalg.norm(c.trajectory.coefficients - f.trajectory.coefficients) > 0.8 for f in found)
+            if apart and len(found) < most and (not found or c.energy < 3 * found[0].energy):
+                found.append(c)
+                yield c

@@ -1,0 +1,173 @@
+"""Blind deconvolution of an image by one kernel: coarse to fine, with hard-thresholded gradients.
+
+The latent image follows Xu, Zheng & Jia (CVPR 2013): half-quadratic splitting of an L0 penalty on gradients. The
+kernel is a non-negative quadratic program on the latent gradients' autocorrelation. The ridge on the kernel is
+relative to that autocorrelation at zero, and the L0 weight to the image's own gradients; both stay constant, or the
+kernel collapses towards a point.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import scipy.fft
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, kw_only=True)
+class KernelSettings:
+    """How a uniform kernel is estimated."""
+
+    ridge: float = 0.2  # of the kernel, relative to the gradients' autocorrelation at zero
+    sparsity: float = 2.0  # weight of the L0 penalty, in mean squares of the image's gradients
+    steps: int = 5  # alternations a scale
+    finest_beta: float = 1e4  # where half-quadratic splitting ends
+    beta_factor: float = 2.0
+    floor: float = 0.05  # kernel values below this share of its largest are noise
+
+
+def l0_latent(
+    image: Float[np.ndarray, "rows cols"], kernel: Float[np.ndarray, "k k"], weight: float, settings: KernelSettings
+) -> Float[np.ndarray, "rows cols"]:
+    """argmin_l |k * l - b|^2 + weight |grad l|_0 by half-quadratic splitting; the image is periodic."""
+    shape = image.shape
+    spectrum = scipy.fft.rfft2(image)
+    k = scipy.fft.rfft2(_centred_at_origin(kernel, shape))
+    data, power = k.conj() * spectrum, np.abs(k) ** 2
+    fx = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[1] // 2 + 1) / shape[1])) ** 2
+    fy = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[0]) / shape[0])) ** 2
+    laplacian = (fx[None] + fy[:, None]).astype(np.float32)
+    latent, beta = image, np.float32(2 * weight)
+    while beta < settings.finest_beta:
+        gx, gy = np.roll(latent, -1, 1) - latent, np.roll(latent, -1, 0) - latent
+        keep = gx * gx + gy * gy >= weight / beta
+        gx *= keep
+        gy *= keep
+        divergence = np.roll(gx, 1, 1) - gx + np.roll(gy, 1, 0) - gy
+        latent = scipy.fft.irfft2((data + beta * scipy.fft.rfft2(divergence)) / (power + beta * laplacian), shape)
+        beta = np.float32(beta * settings.beta_factor)
+    return latent
+
+
+def kernel_from_gradients(
+    blurred: list[Float[np.ndarray, "rows cols"]], latent: list[Float[np.ndarray, "rows cols"]], size: int, settings: KernelSettings
+) -> Float[np.ndarray, "size size"]:
+    """argmin_k sum |k * g - h|^2 + ridge |k|^2 over k >= 0, sum k = 1, for pairs of gradient images (h, g)."""
+    shape = latent[0].shape
+    power = np.zeros((shape[0], shape[1] // 2 + 1), np.float32)
+    cross = np.zeros(power.shape, np.complex64)
+    for h, g in zip(blurred, latent, strict=True):
+        spectrum = scipy.fft.rfft2(g)
+        power += np.abs(spectrum) ** 2
+        cross += spectrum.conj() * scipy.fft.rfft2(h)
+    half = size // 2
+    auto = np.roll(scipy.fft.irfft2(power, shape), (size - 1, size - 1), (0, 1))[: 2 * size - 1, : 2 * size - 1]
+    linear = np.roll(scipy.fft.irfft2(cross, shape), (half, half), (0, 1))[:size, :size]
+    zero = max(float(auto[size - 1, size - 1]), 1e-12)
+    index = np.arange(size)
+    offset = index[:, None] - index[None] + size - 1
+    matrix = auto[offset[:, None, :, None], offset[None, :, None, :]].reshape(size * size, size * size) / zero
+    matrix[np.diag_indices(size * size)] += settings.ridge
+    return _simplex_program(matrix.astype(np.float32), (linear / zero).ravel().astype(np.float32)).reshape(size, size)
+
+
+def _simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray, " n"], steps: int = 150) -> Float[np.ndarray, " n"]:
+    """argmin x^T A x / 2 - c^T x over x >= 0 by accelerated projected gradients, then scaled to sum 1."""
+    v = np.ones(len(linear), np.float32)
+    for _ in range(12):  # largest eigenvalue by the power method
+        v = matrix @ v
+        largest = float(np.linalg.norm(v))
+        v /= largest
+    x = y = np.full(len(linear), 1 / len(linear), np.float32)
+    t = 1.0
+    for _ in range(steps):
+        new = np.maximum(y - (matrix @ y - linear) / (1.05 * largest), 0)
+        if float((y - new) @ (new - x)) > 0:
+            t = 1.0  # restart, O'Donoghue & Candes 2015
+        after = 0.5 * (1 + np.sqrt(1 + 4 * t * t))
+        y = new + np.float32((t - 1) / after) * (new - x)
+        x, t = new, after
+    total = float(x.sum())
+    return x / total if total > 0 else np.full(len(linear), 1 / len(linear), np.float32)
+
+
+def clean(kernel: Float[np.ndarray, "k k"], floor: float) -> Float[np.ndarray, "k k"]:
+    """The kernel without its noise floor and without pieces apart from the main one, centred, of sum 1."""
+    kept = np.where(kernel >= floor * kernel.max(), kernel, 0).astype(np.float32)
+    count, labels = cv2.connectedComponents((kept > 0).astype(np.uint8), connectivity=8)
+    if count > 2:
+        mass = np.bincount(labels.ravel(), kept.ravel(), count)
+        kept *= labels == 1 + np.argmax(mass[1:])
+    return centre(kept / kept.sum())
+
+
+def centre(kernel: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
+    """The kernel moved by whole pixels so that its centroid lies in the middle."""
+    half = (np.array(kernel.shape) - 1) / 2
+    y, x = np.indices(kernel.shape)
+    shift = np.round(half - np.array([(kernel * y).sum(), (kernel * x).sum()]) / kernel.sum()).astype(int)
+    moved = np.zeros_like(kernel)
+    source = [slice(max(0, -s), n - max(0, s)) for s, n in zip(shift, kernel.shape, strict=True)]
+    target = [slice(max(0, s), n - max(0, -s)) for s, n in zip(shift, kernel.shape, strict=True)]
+    moved[tuple(target)] = kernel[tuple(source)]
+    return moved / moved.sum()
+
+
+def estimate(image: Float[np.ndarray, "rows cols"], size: int, settings: KernelSettings) -> Iterator[Float[np.ndarray, "k k"]]:
+    """The kernel after each scale of a pyramid of sqrt(2), coarse to fine; the last is `size` x `size` (odd)."""
+    sizes = [size]
+    while sizes[-1] > 5:
+        sizes.append(2 * round(sizes[-1] / np.sqrt(2) / 2 - 0.25) + 1 if sizes[-1] > 7 else sizes[-1] - 2)
+    kernel = None
+    for k in reversed(sizes):
+        scale = k / size
+        scaled = _resized(image, scale)
+        if kernel is None:
+            kernel = np.zeros((k, k), np.float32)
+            kernel[k // 2, k // 2 - 1 : k // 2 + 2] = 1 / 3
+        else:
+            kernel = np.maximum(cv2.resize(kernel, (k, k), interpolation=cv2.INTER_LINEAR), 0)
+            kernel = centre(kernel / kernel.sum())
+        padded = wrapped(scaled, k)
+        inside = np.zeros(padded.shape, np.float32)
+        inside[: scaled.shape[0], : scaled.shape[1]] = 1
+        inside = cv2.erode(inside, np.ones((3, 3)), borderValue=0)
+        blurred = [d * inside for d in _gradients(padded)]
+        mean_square = float(sum((d * d).sum() for d in blurred) / inside.sum())
+        weight = settings.sparsity * mean_square
+        for _ in range(settings.steps):
+            latent = l0_latent(padded, kernel, weight, settings)
+            gradients = _gradients(latent)
+            strength = gradients[0] ** 2 + gradients[1] ** 2
+            keep = inside * (strength > weight)
+            if not keep.any():
+                keep = inside
+            kernel = clean(kernel_from_gradients(blurred, [g * keep for g in gradients], k, settings), settings.floor)
+        yield kernel
+
+
+def wrapped(image: Float[np.ndarray, "rows cols"], margin: int) -> Float[np.ndarray, "r c"]:
+    """The image extended below and to the right so that it joins its own other side smoothly."""
+    rows, cols = (scipy.fft.next_fast_len(n + 2 * margin, real=True) for n in image.shape)
+    ramp = np.linspace(0, 1, rows - image.shape[0] + 2, dtype=np.float32)[1:-1, None]
+    tall = np.concatenate([image, image[-1:] * (1 - ramp) + image[:1] * ramp])
+    ramp = np.linspace(0, 1, cols - image.shape[1] + 2, dtype=np.float32)[None, 1:-1]
+    return np.concatenate([tall, tall[:, -1:] * (1 - ramp) + tall[:, :1] * ramp], axis=1)
+
+
+def _gradients(image: Float[np.ndarray, "rows cols"]) -> list[Float[np.ndarray, "rows cols"]]:
+    return [np.roll(image, -1, 1) - image, np.roll(image, -1, 0) - image]
+
+
+def _resized(image: Float[np.ndarray, "rows cols"], scale: float) -> Float[np.ndarray, "r c"]:
+    if scale == 1:
+        return image
+    size = (max(8, round(image.shape[1] * scale)), max(8, round(image.shape[0] * scale)))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def _centred_at_origin(kernel: Float[np.ndarray, "k k"], shape: tuple[int, ...]) -> Float[np.ndarray, "rows cols"]:
+    out = np.zeros(shape, np.float32)
+    out[: kernel.shape[0], : kernel.shape[1]] = kernel
+    return np.roll(out, (-(kernel.shape[0] // 2), -(kernel.shape[1] // 2)), (0, 1))

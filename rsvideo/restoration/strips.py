@@ -1,0 +1,281 @@
+"""From the kernels of strips to one trajectory: a direct fit of rendered PSFs.
+
+Each strip's kernel is explained by the path's pieces over the exposures of its rows, splatted with a Gaussian that
+narrows from coarse to fine. A strip sees its own wobble as a shift of its latent image, so each scanline's piece is
+taken about its own centroid and the whole has one free shift a strip. Overlapping exposures of neighbouring strips
+tell the direction of time. Strips of the left and right halves of the frame tell roll apart from yaw and pitch.
+"""
+
+from dataclasses import dataclass
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Float
+from numba import njit, prange
+
+from rsvideo.physics.camera import Intrinsics, lever
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Polynomial, still
+
+ROWS_PER_STRIP = 5  # scanlines whose PSFs stand for a strip
+SAMPLES = 16  # path samples an exposure
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Strip:
+    """A run of scanlines, or a part of their columns, and the kernel that deblurs them best."""
+
+    first: int
+    last: int  # exclusive
+    middle: float  # the column that the strip stands for
+    kernel: Float[np.ndarray, "k k"]  # sum 1, centred
+
+    def rows(self) -> Float[np.ndarray, " scanlines"]:
+        """The scanlines that stand for the strip."""
+        return self.first + (np.arange(ROWS_PER_STRIP) + 0.5) * (self.last - self.first) / ROWS_PER_STRIP
+
+    def times(self, timing: ShutterTiming) -> Float[np.ndarray, "scanlines samples"]:
+        """Their sample times."""
+        return self.rows()[:, None] * timing.row_time + (np.arange(SAMPLES) + 0.5) * (timing.exposure / SAMPLES)
+
+
+@no_type_check
+@njit(cache=True, fastmath=True)
+def _render(points, design, grid, sigma, image, jacobian):
+    """Add Gaussians at `points` (n, 2) to `image` (g, g) and their derivative in the unknowns to `jacobian`."""
+    g = len(grid)
+    unknowns = design.shape[1]
+    ex = np.empty(g)
+    ey = np.empty(g)
+    norm = 1.0 / len(points)
+    for n in range(len(points)):
+        px, py = points[n, 0], points[n, 1]
+        for a in range(g):
+            ex[a] = np.exp(-0.5 * ((grid[a] - px) / sigma) ** 2)
+            ey[a] = np.exp(-0.5 * ((grid[a] - py) / sigma) ** 2)
+        for a in range(g):
+            dy = (grid[a] - py) / (sigma * sigma)
+            wy = ey[a] * norm
+            if wy < 1e-7:
+                continue
+            for b in range(g):
+                w = wy * ex[b]
+                if w < 1e-9:
+                    continue
+                dx = w * (grid[b] - px) / (sigma * sigma)
+                image[a, b] += w
+                for q in range(unknowns):  # the point lies at minus the pose
+                    jacobian[q, a, b] -= dx * design[n, q, 0] + w * dy * design[n, q, 1]
+                jacobian[unknowns, a, b] += dx
+                jacobian[unknowns + 1, a, b] += w * dy
+
+
+@no_type_check
+@njit(cache=True, fastmath=True)
+def _system(z, shifts, design, targets, grid, sigma, prior, normal, gradient):
+    """Energy of all strips, and its Gauss-Newton system in the unknowns (z, shifts)."""
+    strips, points, unknowns, _ = design.shape
+    g = len(grid)
+    energy = 0.0
+    at = np.empty((points, 2))
+    image = np.empty((g, g))
+    jacobian = np.empty((unknowns + 2, g, g))
+    index = np.arange(unknowns + 2)
+    row = np.empty(unknowns + 2)
+    for s in range(strips):
+        for n in range(points):
+            for a in range(2):
+                v = shifts[s, a]
+                for q in range(unknowns):
+                    v -= design[s, n, q, a] * z[q]
+                at[n, a] = v
+        image[:] = 0
+        jacobian[:] = 0
+        _render(at, design[s], grid, sigma, image, jacobian)
+        index[unknowns] = unknowns + 2 * s
+        index[unknowns + 1] = unknowns + 2 * s + 1
+        for a in range(g):
+            for b in range(g):
+                r = image[a, b] - targets[s, a, b]
+                energy += r * r / strips
+                for i in range(unknowns + 2):
+                    row[i] = jacobian[i, a, b]
+                for i in range(unknowns + 2):
+                    gradient[index[i]] += row[i] * r / strips
+                    for j in range(i + 1):
+                        normal[index[i], index[j]] += row[i] * row[j] / strips
+    for i in range(len(gradient)):
+        for j in range(i):
+            normal[j, i] = normal[i, j]
+    for q in range(unknowns):
+        energy += prior[q] * z[q] ** 2
+        normal[q, q] += prior[q]
+        gradient[q] += prior[q] * z[q]
+    return energy
+
+
+@no_type_check
+@njit(cache=True, fastmath=True, parallel=True)
+def _levenberg(starts, design, targets, grid, sigma, prior, steps):
+    """Levenberg-Marquardt from every start (starts, unknowns + 2 * strips)."""
+    unknowns = design.shape[2]
+    size = starts.shape[1]
+    energies = np.empty(len(starts))
+    result = starts.copy()
+    for s in prange(len(starts)):
+        x = starts[s].copy()
+        damping = 1e-2
+        normal = np.zeros((size, size))
+        gradient = np.zeros(size)
+        energy = _system(x[:unknowns], x[unknowns:].reshape(-1, 2), design, targets, grid, sigma, prior, normal, gradient)
+        for _ in range(steps):
+            damped = normal.copy()
+            for i in range(size):
+                damped[i, i] += damping * normal[i, i] + 1e-9
+            x_next = x - np.linalg.solve(damped, gradient)
+            normal_next = np.zeros((size, size))
+            gradient_next = np.zeros(size)
+            energy_next = _system(
+                x_next[:unknowns], x_next[unknowns:].reshape(-1, 2), design, targets, grid, sigma, prior, normal_next, gradient_next
+            )
+            if energy_next < energy:
+                done = energy - energy_next < 1e-4 * energy
+                x, energy, normal, gradient = x_next, energy_next, normal_next, gradient_next
+                damping = max(damping * 0.3, 1e-6)
+                if done:
+                    break
+            else:
+                damping *= 5
+                if damping > 1e4:
+                    break
+        result[s] = x
+        energies[s] = energy
+    return result, energies
+
+
+def shake_spread(degree: int, timing: ShutterTiming) -> Float[np.ndarray, " degree"]:
+    """Plausible size of Legendre coefficients 1..degree of a hand's motion, relative to the length of one exposure's path.
+
+    Recorded hand shake over 40 ms falls by a factor of 4 to 5 a degree; this is wider by 2.
+    """
+    interval = timing.interval[1]
+    return 0.35 * interval / timing.exposure * (0.4 * np.minimum(interval / 0.04, 2)) ** np.arange(degree)
+
+
+def length(kernel: Float[np.ndarray, "k k"]) -> float:
+    """The length of the straight uniform segment whose variance is the kernel's largest."""
+    return float(np.linalg.norm(_main_axis(kernel)))
+
+
+def _main_axis(kernel: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "2"]:
+    u = np.arange(len(kernel)) - len(kernel) // 2
+    y, x = np.meshgrid(u, u, indexing="ij")
+    mean = np.array([(kernel * x).sum(), (kernel * y).sum()])
+    xx, yy, xy = (kernel * x * x).sum() - mean[0] ** 2, (kernel * y * y).sum() - mean[1] ** 2, (kernel * x * y).sum() - mean[0] * mean[1]
+    values, vectors = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+    return vectors[:, 1] * np.sqrt(12 * max(values[1], 0))  # a uniform segment has variance L^2 / 12
+
+
+def _curve(timing: ShutterTiming, degree: int, axes: int) -> Polynomial:
+    return still(timing.interval, degree=degree, axes=axes)
+
+
+def _design(
+    strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, degree: int, axes: int
+) -> Float[np.ndarray, "strips points unknowns 2"]:
+    """How each coefficient but the constants moves each path sample, about its scanline's own mean."""
+    curve = _curve(timing, degree, axes)
+    out = []
+    for strip in strips:
+        basis = curve.basis(strip.times(timing))[..., 1:]
+        basis -= basis.mean(axis=1, keepdims=True)
+        rows = strip.rows()
+        levers = lever(intrinsics, np.full(len(rows), strip.middle), rows, axes)
+        out.append(np.einsum("rkp,rca->rkpac", basis, levers).reshape(-1, degree * axes, 2))
+    return np.array(out)
+
+
+def _targets(strips: list[Strip], grid: Float[np.ndarray, " g"], sigma: float) -> Float[np.ndarray, "strips g g"]:
+    """The kernels seen through the Gaussian, in the scale of `_render`: the kernel's centre is 0."""
+    out = []
+    for strip in strips:
+        u = np.arange(len(strip.kernel)) - len(strip.kernel) // 2
+        e = np.exp(-0.5 * ((grid[:, None] - u[None]) / sigma) ** 2)
+        out.append(e @ strip.kernel @ e.T)
+    return np.array(out)
+
+
+def _starts(strips: list[Strip], timing: ShutterTiming, degree: int) -> Float[np.ndarray, "starts unknowns"]:
+    """Paths whose velocity at each strip's middle has the kernel's main axis and length, under every choice of signs."""
+    axes = [_main_axis(strip.kernel) / timing.exposure for strip in strips]
+    t = np.array([strip.times(timing).mean() for strip in strips])
+    curve, h = _curve(timing, degree, 2), 1e-4 * timing.interval[1]
+    rate = (curve.basis(t + h) - curve.basis(t - h))[:, 1:] / (2 * h)
+    roughness = np.diag([0.05 * np.linalg.norm(rate) / len(t) * (p / degree) ** 2 for p in range(degree)])
+    starts = []
+    for signs in range(2 ** len(strips)):
+        v = np.array([a * (1 if signs >> i & 1 else -1) for i, a in enumerate(axes)])
+        c = np.linalg.lstsq(np.vstack([rate, roughness]), np.vstack([v, np.zeros((degree, 2))]), rcond=None)[0]
+        starts.append(c.ravel())
+    return np.array(starts)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Candidate:
+    """A trajectory and how badly it explains the strips' kernels, relative to their energy."""
+
+    energy: float
+    trajectory: Polynomial
+
+
+def reach(strips: list[Strip]) -> float:
+    """The typical length of one exposure's path, px."""
+    return float(np.sqrt(np.mean([length(s.kernel) ** 2 for s in strips])))
+
+
+def fit(
+    strips: list[Strip],
+    timing: ShutterTiming,
+    intrinsics: Intrinsics,
+    *,
+    degree: int,
+    stiffness: float,
+    keep: int = 4,
+    start: Polynomial | None = None,
+) -> list[Candidate]:
+    """Distinct trajectories that explain the strips' kernels, best first.
+
+    Without a start: two axes, from every choice of signs of the strips' velocities. With one: its axes, from there.
+    """
+    axes = 2 if start is None else start.coefficients.shape[1]
+    design = _design(strips, timing, intrinsics, degree, axes)
+    half = max(len(s.kernel) for s in strips) // 2
+    unit = np.array([1, 1, 1 / intrinsics.fx])[:axes]
+    spread = (shake_spread(degree, timing)[:, None] * reach(strips) * unit).ravel()
+    design = design * spread[:, None]  # unknowns in units of their spread
+    z = _starts(strips, timing, degree) if start is None else start.coefficients[1:].reshape(1, -1)
+    x = np.hstack([z / spread, np.zeros((len(z), 2 * len(strips)))])
+    energies = np.zeros(len(x))
+    rounds = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))
+    for sigma, steps, survivors in rounds if start is None else rounds[1:]:
+        step = max(1.0, sigma / 1.5)
+        n = int(np.ceil((half + 2 * sigma) / step))
+        grid = np.arange(-n, n + 1) * step
+        targets = _targets(strips, grid, sigma)
+        scale = float((targets**2).sum() / len(strips))
+        x, energies = _levenberg(x, design, targets, grid, sigma, np.full(len(spread), stiffness * scale), steps)
+        kept: list[int] = []
+        for i in np.argsort(energies):
+            if all(np.abs((x[i] - x[j])[: len(spread)] * spread).max() > 0.3 for j in kept):
+                kept.append(int(i))
+            if len(kept) == survivors:
+                break
+        x, energies = x[kept], energies[kept] / scale
+    curve = _curve(timing, degree, axes)
+    return [
+        Candidate(
+            energy=float(e),
+            trajectory=curve.with_coefficients(np.vstack([np.zeros((1, axes)), (c[: len(spread)] * spread).reshape(degree, axes)])),
+        )
+        for e, c in zip(energies[:keep], x[:keep], strict=True)
+    ]
