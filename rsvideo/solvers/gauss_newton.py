@@ -1,0 +1,62 @@
+"""Damped Gauss-Newton, Eq. (9)-(13): a step is taken only if the objective falls."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Quadratic:
+    """A sum of squares about one point: half its value, its gradient J^T r and its normal matrix J^T J."""
+
+    value: float
+    gradient: Float[np.ndarray, " n"]
+    normal: Float[np.ndarray, "n n"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Step:
+    """An accepted point."""
+
+    theta: Float[np.ndarray, " n"]
+    objective: float
+    damping: float
+    change: float  # by how much the objective fell, relative to what it was
+
+
+def quadratic(residual: np.ndarray, jacobian: Float[np.ndarray, " n *m"]) -> Quadratic:
+    """The quadratic of |r|^2 / 2 whose derivative in unknown i is jacobian[i]; sums run in double precision."""
+    r = residual.ravel()
+    J = jacobian.reshape(len(jacobian), -1)
+    return Quadratic(value=0.5 * float(np.sum(r * r, dtype=float)), gradient=(J @ r).astype(float), normal=(J @ J.T).astype(float))
+
+
+def gauss_newton(
+    objective: Callable[[np.ndarray], float],
+    linearise: Callable[[np.ndarray], Quadratic],
+    start: Float[np.ndarray, " n"],
+    *,
+    damping: float = 1e-3,
+    tries: int = 8,
+) -> Iterator[Step]:
+    """Levenberg's and Marquardt's damping, relative to the diagonal; ends where no try lowers the objective."""
+    theta = start
+    value = objective(theta)
+    yield Step(theta=theta, objective=value, damping=damping, change=math.inf)
+    while True:
+        q = linearise(theta)
+        scale = np.maximum(np.diag(q.normal), 1e-12 * max(np.diag(q.normal).max(), 1e-300))
+        for _ in range(tries):
+            step = -np.linalg.solve(q.normal + damping * np.diag(scale), q.gradient)  # Eq. (12)
+            tried = objective(theta + step)
+            if tried < value:
+                break
+            damping *= 10
+        else:
+            return
+        theta = theta + step  # Eq. (11)
+        change, value, damping = (value - tried) / value, tried, max(damping / 10, 1e-9)
+        yield Step(theta=theta, objective=value, damping=damping, change=change)
