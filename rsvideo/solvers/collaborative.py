@@ -268,9 +268,9 @@ def _filter(image, pilot, offsets, ys, xs, sigma, wiener, tops, ends, dct, total
                         _gather(guess, to, y, x, count, p)
                         _rows(p, count)
                         _haar(p, count)
-                        w = 1 / _wiener(g, p, count, sigma * sigma)
+                        w = np.float32(1) / _wiener(g, p, count, sigma * sigma)
                     else:
-                        w = 1 / _threshold(g, count, np.float32(THRESHOLD) * sigma)
+                        w = np.float32(1) / _threshold(g, count, np.float32(THRESHOLD) * sigma)
                     _haar_back(g, count)
                     _rows_back(g, count)
                     for k in range(count):
@@ -291,8 +291,11 @@ def _places(length: int) -> Int[np.ndarray, " places"]:
 
 def _planes(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "channels rows cols"]:
     """Luminance and two colour differences, the noise as large as before; or the one channel there is."""
+    rows, cols, channels = image.shape
+    if rows < PATCH or cols < PATCH or channels not in (1, 3):
+        raise ValueError(f"the image must be at least {PATCH} x {PATCH} px in 1 or 3 channels, got {rows} x {cols} px in {channels}")
     mixed = image.astype(np.float32)
-    return np.ascontiguousarray(np.moveaxis(mixed @ _OPPONENT.T if image.shape[2] == 3 else mixed, 2, 0))
+    return np.ascontiguousarray(np.moveaxis(mixed @ _OPPONENT.T if channels == 3 else mixed, 2, 0))
 
 
 def match(guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
@@ -321,8 +324,6 @@ def denoise(
     sigma))`. Groups are sought on the pilot, else on the image, unless `matches` holds them already.
     """
     rows, cols, channels = image.shape
-    if rows < PATCH or cols < PATCH or channels not in (1, 3):
-        raise ValueError(f"the image must be at least {PATCH} x {PATCH} px in 1 or 3 channels, got {rows} x {cols} px in {channels}")
     if sigma == 0:
         return image.astype(np.float32)
     if matches is None:
