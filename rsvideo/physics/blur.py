@@ -43,7 +43,7 @@ class BlurOperator:
         """The operator whose latent image holds all that the frame sees, and `slack` pixels more for the path to change."""
         bare = cls(timing=timing, trajectory=trajectory, intrinsics=intrinsics, samples=samples, margin=(0, 0))
         if bare.is_shift:
-            x, y = np.abs(bare._displacement).max(axis=(0, 1)) @ np.abs(timing.direction.pose_from_scanlines[:2, :2]).T
+            x, y = np.abs(bare.displacement).max(axis=(0, 1)) @ np.abs(timing.direction.pose_from_scanlines[:2, :2]).T
         else:
             x, y = _reach(bare._maps, bare._image_from_scan, timing.rows, bare._along)
         return cls(
@@ -149,15 +149,15 @@ class BlurOperator:
         return np.ascontiguousarray(self.timing.direction.image(scanlines))
 
     @cached_property
-    def _displacement(self) -> Float[np.ndarray, "scanlines samples 2"]:
-        """Offsets (along, across) the scanlines of a shift trajectory."""
+    def displacement(self) -> Float[np.ndarray, "scanlines samples 2"]:
+        """Offsets (along, across) the scanlines, of each scanline and sample, where the trajectory is a shift."""
         return self.trajectory.at(self._times)[..., :2] @ self.timing.direction.pose_from_scanlines[:2, :2]
 
     def _taps(self, dtype: np.dtype) -> tuple[Int[np.ndarray, "s k"], Float[np.ndarray, "s k 2"], Int[np.ndarray, "s k"], np.ndarray]:
         """Rows and columns of the latent image under a scanline's first pixel, and their weights."""
         top, left = self._scan_margin
-        row, row_weights = taps(self._displacement[..., 1])
-        col, col_weights = taps(self._displacement[..., 0])
+        row, row_weights = taps(self.displacement[..., 1])
+        col, col_weights = taps(self.displacement[..., 0])
         row += top + np.arange(self.timing.rows)[:, None]
         return row, row_weights.astype(dtype), col + left, col_weights.astype(dtype)
 

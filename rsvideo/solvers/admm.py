@@ -33,8 +33,9 @@ def total_variation(
     start: np.ndarray,
     weights: np.ndarray | None = None,
     sigma: float | None = None,
+    prior: np.ndarray | float = 1.0,
 ) -> Iterator[Split]:
-    """Iterates towards argmin_l |K l - b|_W^2 / (2 mu) + |D l|_1.
+    """Iterates towards argmin_l |K l - b|_W^2 / (2 mu) + |P D l|_1, where P, `prior`, may spare single differences.
 
     `minimise_l(v, g, l)` answers argmin_l s |K l - v|^2 / 2 + rho |D l - g|^2 / 2, perhaps starting from l. Without weights v = b and
     s = 1 / mu, as in the paper. With weights (0 for a missing or clipped pixel) the blur is split off too, so that the system to solve
@@ -55,7 +56,7 @@ def total_variation(
         before = L
         L = minimise_l(v - y, j - u, before)  # Algorithm 2, step 1
         DL = gradient.forward(L)
-        j = soft_threshold(DL + u, 1 / rho)  # step 2
+        j = soft_threshold(DL + u, prior / rho)  # step 2
         u = u + DL - j  # step 3, lambda = rho u
         if weights is not None:
             KL = blur.forward(L)

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 
-def soft_threshold(v: Float[np.ndarray, "*n"], threshold: float) -> Float[np.ndarray, "*n"]:
+def soft_threshold(v: Float[np.ndarray, "*n"], threshold: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """f = threshold |x|_1: on gradients, that of anisotropic total variation."""
     return v - np.clip(v, -threshold, threshold)
 
