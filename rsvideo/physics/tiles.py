@@ -5,6 +5,7 @@ its middle column serves them all, and the tile keeps the exact row-Fourier solv
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -33,11 +34,8 @@ class Tile:
 
 def split(cols: int, count: int, overlap: int) -> list[Tile]:
     """`count` tiles of equal width that see `overlap` columns beyond their own on either side."""
-    edges = np.linspace(0, cols, count + 1).round().astype(int)
-    return [
-        Tile(first=max(0, a - overlap), last=min(cols, b + overlap), start=int(a), stop=int(b))
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    edges = np.linspace(0, cols, count + 1).round().astype(int).tolist()
+    return [Tile(first=max(0, a - overlap), last=min(cols, b + overlap), start=a, stop=b) for a, b in pairwise(edges)]
 
 
 def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, tolerance: float) -> int:

@@ -79,9 +79,7 @@ def with_frame(system: TileSystem, frame: Float[np.ndarray, "rows cols"], valid:
     return TileSystem(op=op, normal=system.normal, frame=frame, valid=valid, completed=completed)
 
 
-def total_variation(
-    system: TileSystem, mu: float, *, steps: int, rho: float = TV_RHO
-) -> Float[np.ndarray, "latent_rows period"]:
+def total_variation(system: TileSystem, mu: float, *, steps: int, rho: float = TV_RHO) -> Float[np.ndarray, "latent_rows period"]:
     """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by ADMM (Eq. 15-18, Algorithm 2), every l-update exact."""
     op = system.op
     factor = system.normal.plus(1, system.roughness(rho, 1e-5), rho).factor()

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import scipy.fft
-from jaxtyping import Float
+from jaxtyping import Complex, Float, Inexact
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +32,8 @@ def l0_latent(
 ) -> Float[np.ndarray, "rows cols"]:
     """argmin_l |k * l - b|^2 + weight |grad l|_0 by half-quadratic splitting; the image is periodic."""
     shape = image.shape
-    spectrum = scipy.fft.rfft2(image)
-    k = scipy.fft.rfft2(_centred_at_origin(kernel, shape))
+    spectrum = _spectrum(image)
+    k = _spectrum(_centred_at_origin(kernel, shape))
     data, power = k.conj() * spectrum, np.abs(k) ** 2
     fx = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[1] // 2 + 1) / shape[1])) ** 2
     fy = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[0]) / shape[0])) ** 2
@@ -45,7 +45,7 @@ def l0_latent(
         gx *= keep
         gy *= keep
         divergence = np.roll(gx, 1, 1) - gx + np.roll(gy, 1, 0) - gy
-        latent = scipy.fft.irfft2((data + beta * scipy.fft.rfft2(divergence)) / (power + beta * laplacian), shape)
+        latent = _image((data + beta * _spectrum(divergence)) / (power + beta * laplacian), shape)
         beta = np.float32(beta * settings.beta_factor)
     return latent
 
@@ -58,12 +58,12 @@ def kernel_from_gradients(
     power = np.zeros((shape[0], shape[1] // 2 + 1), np.float32)
     cross = np.zeros(power.shape, np.complex64)
     for h, g in zip(blurred, latent, strict=True):
-        spectrum = scipy.fft.rfft2(g)
+        spectrum = _spectrum(g)
         power += np.abs(spectrum) ** 2
-        cross += spectrum.conj() * scipy.fft.rfft2(h)
+        cross += spectrum.conj() * _spectrum(h)
     half = size // 2
-    auto = np.roll(scipy.fft.irfft2(power, shape), (size - 1, size - 1), (0, 1))[: 2 * size - 1, : 2 * size - 1]
-    linear = np.roll(scipy.fft.irfft2(cross, shape), (half, half), (0, 1))[:size, :size]
+    auto = np.roll(_image(power, shape), (size - 1, size - 1), (0, 1))[: 2 * size - 1, : 2 * size - 1]
+    linear = np.roll(_image(cross, shape), (half, half), (0, 1))[:size, :size]
     zero = max(float(auto[size - 1, size - 1]), 1e-12)
     index = np.arange(size)
     offset = index[:, None] - index[None] + size - 1
@@ -74,7 +74,7 @@ def kernel_from_gradients(
 
 def _simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray, " n"], steps: int = 150) -> Float[np.ndarray, " n"]:
     """argmin x^T A x / 2 - c^T x over x >= 0 by accelerated projected gradients, then scaled to sum 1."""
-    v = np.ones(len(linear), np.float32)
+    v, largest = np.ones(len(linear), np.float32), 0.0
     for _ in range(12):  # largest eigenvalue by the power method
         v = matrix @ v
         largest = float(np.linalg.norm(v))
@@ -154,6 +154,14 @@ def wrapped(image: Float[np.ndarray, "rows cols"], margin: int) -> Float[np.ndar
     tall = np.concatenate([image, image[-1:] * (1 - ramp) + image[:1] * ramp])
     ramp = np.linspace(0, 1, cols - image.shape[1] + 2, dtype=np.float32)[None, 1:-1]
     return np.concatenate([tall, tall[:, -1:] * (1 - ramp) + tall[:, :1] * ramp], axis=1)
+
+
+def _spectrum(image: Float[np.ndarray, "rows cols"]) -> Complex[np.ndarray, "rows frequencies"]:
+    return np.asarray(scipy.fft.rfft2(image))
+
+
+def _image(spectrum: Inexact[np.ndarray, "rows frequencies"], shape: tuple[int, ...]) -> Float[np.ndarray, "rows cols"]:
+    return np.asarray(scipy.fft.irfft2(spectrum, shape))
 
 
 def _gradients(image: Float[np.ndarray, "rows cols"]) -> list[Float[np.ndarray, "rows cols"]]:

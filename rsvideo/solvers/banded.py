@@ -111,9 +111,7 @@ class BandedHermitian:
     im: Float[np.ndarray, "blocks rows width lanes"]
     frequencies: int
 
-    def plus(
-        self, scale: float, diagonal: Float[np.ndarray, " frequencies"], neighbour: float
-    ) -> "BandedHermitian":
+    def plus(self, scale: float, diagonal: Float[np.ndarray, " frequencies"], neighbour: float) -> "BandedHermitian":
         """scale * self + (diagonal(f) I + neighbour * D_y^T D_y), with D_y the forward difference of rows, free at both ends."""
         re, im = scale * self.re, scale * self.im
         lanes = np.ones(re.shape[0] * LANES, np.float32)
