@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -14,14 +15,18 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.restoration import deblur as latent_update
-from rsvideo.restoration import initialise, motion, strips
+from rsvideo.restoration import initialise, motion, strips, tracing
+from rsvideo.restoration.alternation import PaperSettings, alternate
 from rsvideo.restoration.kernel import KernelSettings
-from rsvideo.restoration.motion import Refined, Scene
+from rsvideo.restoration.motion import Prior, Refined, Scene
 from rsvideo.restoration.strips import Candidate, Strip
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
 WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
+TRIAL_COLS = 560  # and candidates are compared on so many
+COSTLIEST = 2.3  # see `judge`
 SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
+SHARP_KERNEL = 2.0  # px; kernels of sharp strips are found about 1.8 px long, for the latent image has hard edges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +45,7 @@ class Settings:
     mu_final: float = 7e-4  # of the final image, with prior "tv"
     tolerance: float = 0.25  # px, a tile's error at its edge
     candidates: int = 5  # first trajectories that are refined before one is chosen
-    stiffness: float = 1e-3  # weight of the prior on a hand's motion
+    trust: float = 0.15  # in the strips' kernels, against the picture's sparsity
     threads: int = 2  # for the strips; compiled loops use numba's own setting
 
     def __post_init__(self) -> None:
@@ -171,70 +176,92 @@ def _scene(view: _View, settings: Settings) -> Scene:
     )
 
 
-def _window(scene: Scene) -> Scene:
-    """The columns with most texture, where the frame is wider than the estimation needs."""
-    cols = scene.frame.shape[1]
-    if cols <= WINDOW_COLS:
+def _window(scene: Scene, cols: int) -> Scene:
+    """The `cols` columns with most texture, where the frame is wider than that."""
+    if scene.frame.shape[1] <= cols:
         return scene
     power = np.abs(np.diff(scene.frame, axis=1)).sum(axis=0)
-    total = np.convolve(power, np.ones(WINDOW_COLS - 1), "valid")
+    total = np.convolve(power, np.ones(cols - 1), "valid")
     first = int(np.argmax(total))
-    part = slice(first, first + WINDOW_COLS)
-    c = replace(scene.intrinsics, cx=scene.intrinsics.cx - first, cols=WINDOW_COLS)
-    return replace(
-        scene, frame=np.ascontiguousarray(scene.frame[:, part]), valid=np.ascontiguousarray(scene.valid[:, part]), intrinsics=c
-    )
+    part = slice(first, first + cols)
+    c = replace(scene.intrinsics, cx=scene.intrinsics.cx - first, cols=cols)
+    return replace(scene, frame=np.ascontiguousarray(scene.frame[:, part]), valid=np.ascontiguousarray(scene.valid[:, part]), intrinsics=c)
 
 
 def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     """The trajectory, coarse to fine; the last iterate is the answer."""
-    part = _window(scene)
+    part, trial = _window(scene, WINDOW_COLS), _window(scene, TRIAL_COLS)
     kernels = KernelSettings()
     found = initialise.strip_kernels(part.frame, part.timing, kernels, parts=1, threads=settings.threads)
     yield Iterate(stage="strip kernels", fraction=0.15, trajectory=still(part.timing.interval, degree=1, axes=2), latent=None)
+    if sum(strips.length(s.kernel) < SHARP_KERNEL for s in found) >= min(2, len(found)):
+        return
     starts = list(initialise.candidates(found, part.timing, part.intrinsics, degree=settings.degree, most=settings.candidates))
-    reach = max(strips.reach(found), 2.0)
-    ranked: list[tuple[float, Refined]] = []
+    if settings.start == "tracing":
+        traced = tracing.trace(found, part.timing, degree=settings.degree)
+        starts = [replace(starts[0], trajectory=traced)]
+    if settings.refinement == "alternation":
+        yield from _alternated(part, starts[0].trajectory, settings)
+        return
+    ranked: list[tuple[float, Refined, Prior]] = []
     for i, start in enumerate(starts):
-        refined = motion.refine(
-            part, start.trajectory, ridge=3 * part.ridge, steps=8, stiffness=settings.stiffness, reach=reach
-        )
-        ranked.append((_rank(part, refined, start), refined))
-        yield Iterate(
-            stage="candidate paths", fraction=0.15 + 0.35 * (i + 1) / len(starts), trajectory=refined.trajectory, latent=None
-        )
-    best = min(ranked, key=lambda pair: pair[0])[1].trajectory
-    best = motion.refine(part, best, ridge=3 * part.ridge, steps=16, stiffness=settings.stiffness, reach=reach).trajectory
-    best = motion.refine(part, best, ridge=part.ridge, steps=8, stiffness=settings.stiffness, reach=reach).trajectory
+        prior = Prior(mean=start.trajectory.coefficients[1:], curvature=start.curvature, weight=settings.trust)
+        refined = motion.refine(trial, start.trajectory, prior, ridge=3 * trial.ridge, steps=8)
+        ranked.append((_rank(trial, refined, start, settings.trust), refined, prior))
+        yield Iterate(stage="candidate paths", fraction=0.15 + 0.35 * (i + 1) / len(starts), trajectory=refined.trajectory, latent=None)
+    _, refined, prior = min(ranked, key=lambda entry: entry[0])
+    best = motion.refine(part, refined.trajectory, prior, ridge=3 * part.ridge, steps=16).trajectory
+    best = motion.refine(part, best, prior, ridge=part.ridge, steps=8).trajectory
     yield Iterate(stage="path", fraction=0.6, trajectory=best, latent=None)
     if settings.motion == "rotation":
-        best = _with_roll(scene, best, reach, kernels, settings)
+        best = _with_roll(scene, best, kernels, settings)
         yield Iterate(stage="path with roll", fraction=0.75, trajectory=best, latent=None)
 
 
-def _rank(scene: Scene, refined: Refined, start: Candidate) -> float:
-    """Lower is better: sparse, explained by the strips' kernels, of low energy (Eq. 15), and near where it started."""
-    energy = motion.energy(scene, refined.trajectory, mu=1e-3)
-    return refined.value + 0.1 * start.energy + 0.05 * math.log(energy) + 1e-3 * refined.moved
+def _alternated(scene: Scene, start: Trajectory, settings: Settings) -> Iterator[Iterate]:
+    """The paper's Algorithm 1 from `start`."""
+    paper = PaperSettings(K=settings.samples, mu_0=settings.mu, tau=settings.mu_factor, mu_min=settings.mu_last)
+    states = alternate(scene.frame, timing=scene.timing, intrinsics=scene.intrinsics, start=start, settings=paper)
+    total = 1 + math.ceil(math.log(settings.mu_last / settings.mu) / math.log(settings.mu_factor))
+    for step, state in enumerate(islice(states, total)):
+        fraction = min(0.15 + 0.6 * (step + 1) / total, 0.75)
+        yield Iterate(stage="alternation", fraction=fraction, trajectory=state.trajectory, latent=state.sharp)
 
 
-def _with_roll(scene: Scene, shift: Trajectory, reach: float, kernels: KernelSettings, settings: Settings) -> Trajectory:
+def _rank(scene: Scene, refined: Refined, start: Candidate, trust: float) -> float:
+    """Lower is better: sparse, explained by the strips' kernels, and of low energy (Eq. 15)."""
+    return refined.value + trust * start.energy + 0.05 * math.log(motion.energy(scene, refined.trajectory))
+
+
+def _with_roll(scene: Scene, shift: Trajectory, kernels: KernelSettings, settings: Settings) -> Trajectory:
     """The path with roll: from the kernels of the frame's left and right halves, or from none, whichever is sparser."""
     halves: list[Strip] = initialise.strip_kernels(scene.frame, scene.timing, kernels, parts=2, threads=settings.threads)
     flat = still(scene.timing.interval, degree=settings.degree, axes=3)
     flat = flat.with_coefficients(np.hstack([shift.coefficients, np.zeros((settings.degree + 1, 1))]))
-    fitted = strips.fit(halves, scene.timing, scene.intrinsics, degree=settings.degree, stiffness=8e-3, keep=1, start=flat)[0].trajectory
-    rolled = flat.with_coefficients(np.hstack([flat.coefficients[:, :2], fitted.coefficients[:, 2:]]))
-    starts = [motion.refine(scene, s, ridge=3 * scene.ridge, steps=5, stiffness=settings.stiffness, reach=reach) for s in (flat, rolled)]
-    best = min(starts, key=lambda r: r.value).trajectory
-    return motion.refine(scene, best, ridge=scene.ridge, steps=8, stiffness=settings.stiffness, reach=reach).trajectory
+    fitted = strips.fit(halves, scene.timing, scene.intrinsics, degree=settings.degree, stiffness=8e-3, keep=1, start=flat)[0]
+    roll = np.hstack([flat.coefficients[:, :2], fitted.trajectory.coefficients[:, 2:]])
+    tries = []
+    for start in (flat, flat.with_coefficients(roll)):
+        prior = Prior(mean=start.coefficients[1:], curvature=fitted.curvature, weight=settings.trust)
+        refined = motion.refine(scene, start, prior, ridge=3 * scene.ridge, steps=6)
+        tries.append((refined.value, refined.trajectory, prior))
+    _, best, prior = min(tries, key=lambda entry: entry[0])
+    return motion.refine(scene, best, prior, ridge=scene.ridge, steps=8).trajectory
 
 
 def judge(scene: Scene, path: Trajectory) -> Verdict:
-    """Whether restoring along `path` will help."""
-    times = scene.timing.sample_times(scene.samples)[:: max(1, scene.timing.rows // 16)]
+    """Whether restoring along `path` will help.
+
+    Deblurring trades blur for contrast, so the energy of Eq. (8) rises over that of the frame taken as sharp: by a factor
+    of 1.3 to 1.9 along a true path; beyond `COSTLIEST` the frame holds detail that no blur along the path can have left.
+    """
+    part = _window(scene, WINDOW_COLS)
+    rest = still(part.timing.interval, degree=1, axes=2)
+    times = part.timing.sample_times(part.samples)[:: max(1, part.timing.rows // 16)]
     poses = path.at(times)[..., :2]
     longest = float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
     if longest < SHORTEST:
         return Verdict.SHARP
+    if motion.energy(part, path) > COSTLIEST * motion.energy(part, rest):
+        return Verdict.UNEXPLAINED
     return Verdict.RESTORED

@@ -30,7 +30,6 @@ from rsvideo.physics.rowfourier import RowFourier
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.deblur import TileSystem, tile_system, total_variation
-from rsvideo.restoration.strips import shake_spread
 
 WINDOW = 49  # px over which gradients are compared
 FAINT = 1e-4  # gradients below this are flat
@@ -79,9 +78,7 @@ def texture_weight(frame: Float[np.ndarray, "rows cols"], typical: float) -> Flo
     return local / (local + 0.5 * typical)
 
 
-def sparsity(
-    latent: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "r c"]
-) -> tuple[float, Float[np.ndarray, "rows cols"]]:
+def sparsity(latent: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "r c"]) -> tuple[float, Float[np.ndarray, "rows cols"]]:
     """sum w |grad l| / rms_local(grad l), and its derivative in l. The weight has one row and column less."""
     gx, gy = latent[:-1, 1:] - latent[:-1, :-1], latent[1:, :-1] - latent[:-1, :-1]
     power = gx * gx + gy * gy
@@ -189,16 +186,23 @@ def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float
     return value / total, gradient / total
 
 
-def energy(scene: Scene, trajectory: Trajectory, *, mu: float) -> float:
-    """The paper's objective (Eq. 8) at its minimum over the latent image, a pixel's mean; one tile, two axes."""
-    tile = tiles.split(scene.intrinsics.cols, 1, 0)[0]
-    offsets = tiles.displacement(tile, trajectory, scene.intrinsics, scene.timing, scene.samples)
-    system = tile_system(offsets, scene.frame, scene.valid)
-    latent = total_variation(system, mu, steps=25)
-    blurred = system.op.image(system.op.forward(system.op.spectrum(latent)))[:, system.op.left : system.op.left + system.op.cols]
-    residual = (scene.valid * (blurred - scene.frame))[8:-8, 16:-16]
-    inside = system.crop(latent)[8:-8, 16:-16]
-    return float(0.5 * np.mean(residual**2) + mu * (np.abs(np.diff(inside, axis=0)).mean() + np.abs(np.diff(inside, axis=1)).mean()))
+def energy(scene: Scene, trajectory: Trajectory, *, mu: float = 1e-3) -> float:
+    """The paper's objective (Eq. 8) at its minimum over the latent image, a pixel's mean."""
+    count = 1 if trajectory.coefficients.shape[1] == 2 else scene.tiles
+    total = pixels = 0.0
+    for tile in tiles.split(scene.intrinsics.cols, count, 0):
+        columns = slice(tile.first, tile.last)
+        offsets = tiles.displacement(tile, trajectory, scene.intrinsics, scene.timing, scene.samples)
+        system = tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
+        op = system.op
+        latent = total_variation(system, mu, steps=25)
+        blurred = op.image(op.forward(op.spectrum(latent)))[:, op.left : op.left + op.cols]
+        residual = (system.valid * (blurred - system.frame))[8:-8, 16:-16]
+        inside = system.crop(latent)[8:-8, 16:-16]
+        variation = np.abs(np.diff(inside, axis=0)).mean() + np.abs(np.diff(inside, axis=1)).mean()
+        total += residual.size * float(0.5 * np.mean(residual**2) + mu * variation)
+        pixels += residual.size
+    return total / pixels
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,37 +210,47 @@ class Refined:
     """A local minimum of f, and how it was reached."""
 
     trajectory: Trajectory
-    value: float  # f(theta), without the prior
+    value: float  # f(theta) and the prior
     moved: float  # px, RMS over the interval, from the start
     evaluations: int
 
 
-def refine(scene: Scene, start: Trajectory, *, ridge: float, steps: int, stiffness: float, reach: float) -> Refined:
-    """Minimise f(theta) + stiffness * |theta / spread|^2 from `start` by L-BFGS; the constant terms are a gauge and stay.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prior:
+    """What is known of the coefficients but the constants before looking at the frame: weight * d^T curvature d about a mean."""
 
-    `reach` is the length of one exposure's path in px; the spread of a hand's motion scales with it.
-    """
-    degree = len(start.coefficients) - 1
-    axes = start.coefficients.shape[1]
+    mean: Float[np.ndarray, "terms axes"]
+    curvature: Float[np.ndarray, "unknowns unknowns"]
+    weight: float
+
+    def at(self, coefficients: Float[np.ndarray, "terms axes"]) -> tuple[float, Float[np.ndarray, "terms axes"]]:
+        """The penalty and its derivative."""
+        d = (coefficients - self.mean).ravel()
+        slope = self.weight * (self.curvature @ d)
+        return float(d @ slope), 2 * slope.reshape(coefficients.shape)
+
+
+def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps: int) -> Refined:
+    """Minimise f(theta) + prior(theta) from `start` by L-BFGS; the constant terms are a gauge and stay."""
+    terms, axes = start.coefficients[1:].shape
     unit = np.ones(axes)
     unit[2:] = 1 / scene.intrinsics.fx  # px to rad
-    spread = shake_spread(degree, scene.timing)[:, None] * reach * unit
-    scale = np.minimum(spread, 1.5 * unit)
 
     def unpacked(z: np.ndarray) -> Trajectory:
-        return start.with_coefficients(np.vstack([start.coefficients[:1], z.reshape(degree, axes) * scale]))
+        return start.with_coefficients(np.vstack([start.coefficients[:1], z.reshape(terms, axes) * unit]))
 
     def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
         trajectory = unpacked(z)
         value, gradient = objective(scene, trajectory, ridge)
-        t = trajectory.coefficients[1:] / spread
-        return 100 * (value + stiffness * float((t * t).sum())), (100 * (gradient[1:] + 2 * stiffness * t / spread) * scale).ravel()
+        penalty, slope = prior.at(trajectory.coefficients[1:])
+        return 100 * (value + penalty), 100 * ((gradient[1:] + slope) * unit).ravel()
 
     options = {"maxiter": steps, "maxfun": steps + 6, "ftol": 1e-5}
-    found = minimize(penalised, (start.coefficients[1:] / scale).ravel(), jac=True, method="L-BFGS-B", options=options)
+    found = minimize(penalised, (start.coefficients[1:] / unit).ravel(), jac=True, method="L-BFGS-B", options=options)
     trajectory = unpacked(found.x)
-    t = trajectory.coefficients[1:] / spread
-    moved = float(np.linalg.norm((trajectory.coefficients - start.coefficients)[1:, :2]))
     return Refined(
-        trajectory=trajectory, value=float(found.fun) / 100 - stiffness * float((t * t).sum()), moved=moved, evaluations=int(found.nfev)
+        trajectory=trajectory,
+        value=float(found.fun) / 100,
+        moved=float(np.linalg.norm((trajectory.coefficients - start.coefficients)[1:, :2])),
+        evaluations=int(found.nfev),
     )

@@ -72,8 +72,8 @@ def _render(points, design, grid, sigma, image, jacobian):
 
 @no_type_check
 @njit(cache=True, fastmath=True)
-def _system(z, shifts, design, targets, grid, sigma, prior, normal, gradient):
-    """Energy of all strips, and its Gauss-Newton system in the unknowns (z, shifts)."""
+def _system(z, shifts, design, targets, weights, grid, sigma, prior, normal, gradient):
+    """Weighted energy of all strips, and its Gauss-Newton system in the unknowns (z, shifts)."""
     strips, points, unknowns, _ = design.shape
     g = len(grid)
     energy = 0.0
@@ -97,13 +97,13 @@ def _system(z, shifts, design, targets, grid, sigma, prior, normal, gradient):
         for a in range(g):
             for b in range(g):
                 r = image[a, b] - targets[s, a, b]
-                energy += r * r / strips
+                energy += weights[s] * r * r
                 for i in range(unknowns + 2):
                     row[i] = jacobian[i, a, b]
                 for i in range(unknowns + 2):
-                    gradient[index[i]] += row[i] * r / strips
+                    gradient[index[i]] += weights[s] * row[i] * r
                     for j in range(i + 1):
-                        normal[index[i], index[j]] += row[i] * row[j] / strips
+                        normal[index[i], index[j]] += weights[s] * row[i] * row[j]
     for i in range(len(gradient)):
         for j in range(i):
             normal[j, i] = normal[i, j]
@@ -116,7 +116,7 @@ def _system(z, shifts, design, targets, grid, sigma, prior, normal, gradient):
 
 @no_type_check
 @njit(cache=True, fastmath=True, parallel=True)
-def _levenberg(starts, design, targets, grid, sigma, prior, steps):
+def _levenberg(starts, design, targets, weights, grid, sigma, prior, steps):
     """Levenberg-Marquardt from every start (starts, unknowns + 2 * strips)."""
     unknowns = design.shape[2]
     size = starts.shape[1]
@@ -127,7 +127,7 @@ def _levenberg(starts, design, targets, grid, sigma, prior, steps):
         damping = 1e-2
         normal = np.zeros((size, size))
         gradient = np.zeros(size)
-        energy = _system(x[:unknowns], x[unknowns:].reshape(-1, 2), design, targets, grid, sigma, prior, normal, gradient)
+        energy = _system(x[:unknowns], x[unknowns:].reshape(-1, 2), design, targets, weights, grid, sigma, prior, normal, gradient)
         for _ in range(steps):
             damped = normal.copy()
             for i in range(size):
@@ -136,7 +136,16 @@ def _levenberg(starts, design, targets, grid, sigma, prior, steps):
             normal_next = np.zeros((size, size))
             gradient_next = np.zeros(size)
             energy_next = _system(
-                x_next[:unknowns], x_next[unknowns:].reshape(-1, 2), design, targets, grid, sigma, prior, normal_next, gradient_next
+                x_next[:unknowns],
+                x_next[unknowns:].reshape(-1, 2),
+                design,
+                targets,
+                weights,
+                grid,
+                sigma,
+                prior,
+                normal_next,
+                gradient_next,
             )
             if energy_next < energy:
                 done = energy - energy_next < 1e-4 * energy
@@ -226,11 +235,18 @@ class Candidate:
 
     energy: float
     trajectory: Polynomial
+    curvature: Float[np.ndarray, "unknowns unknowns"]  # of the energy there, in the coefficients but the constants
 
 
 def reach(strips: list[Strip]) -> float:
     """The typical length of one exposure's path, px."""
-    return float(np.sqrt(np.mean([length(s.kernel) ** 2 for s in strips])))
+    return float(np.median([length(s.kernel) for s in strips]))
+
+
+def _trust(residuals: Float[np.ndarray, " strips"]) -> Float[np.ndarray, " strips"]:
+    """Weights of sum 1 that fall where a strip's kernel is explained much worse than the others."""
+    weights = 1 / (residuals + 0.5 * np.median(residuals) + 1e-12)
+    return weights / weights.sum()
 
 
 def fit(
@@ -255,15 +271,20 @@ def fit(
     design = design * spread[:, None]  # unknowns in units of their spread
     z = _starts(strips, timing, degree) if start is None else start.coefficients[1:].reshape(1, -1)
     x = np.hstack([z / spread, np.zeros((len(z), 2 * len(strips)))])
+    lengths = np.array([length(s.kernel) for s in strips])
+    weights = (lengths < 2.5 * np.median(lengths)) + 0.1  # a kernel far longer than the others has failed
+    weights = weights / weights.sum()
     energies = np.zeros(len(x))
+    scale = 1.0
     rounds = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))
     for sigma, steps, survivors in rounds if start is None else rounds[1:]:
         step = max(1.0, sigma / 1.5)
         n = int(np.ceil((half + 2 * sigma) / step))
         grid = np.arange(-n, n + 1) * step
         targets = _targets(strips, grid, sigma)
-        scale = float((targets**2).sum() / len(strips))
-        x, energies = _levenberg(x, design, targets, grid, sigma, np.full(len(spread), stiffness * scale), steps)
+        scale = float(weights @ (targets**2).sum(axis=(1, 2)))
+        prior = np.full(len(spread), stiffness * scale)
+        x, energies = _levenberg(x, design, targets, weights, grid, sigma, prior, steps)
         kept: list[int] = []
         for i in np.argsort(energies):
             if all(np.abs((x[i] - x[j])[: len(spread)] * spread).max() > 0.3 for j in kept):
@@ -271,11 +292,46 @@ def fit(
             if len(kept) == survivors:
                 break
         x, energies = x[kept], energies[kept] / scale
+        if sigma == 1.5:
+            weights = _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
     curve = _curve(timing, degree, axes)
     return [
         Candidate(
             energy=float(e),
             trajectory=curve.with_coefficients(np.vstack([np.zeros((1, axes)), (c[: len(spread)] * spread).reshape(degree, axes)])),
+            curvature=_curvature(c, design, targets, weights, grid, sigma, stiffness * scale) / scale / np.outer(spread, spread),
         )
         for e, c in zip(energies[:keep], x[:keep], strict=True)
     ]
+
+
+def _one(x: np.ndarray, strip: int, design: np.ndarray, targets: np.ndarray, grid: np.ndarray, sigma: float) -> tuple[float, np.ndarray]:
+    """One strip's energy relative to its kernel's, and its Gauss-Newton matrix in (z, its shift)."""
+    unknowns = design.shape[2]
+    normal = np.zeros((unknowns + 2, unknowns + 2))
+    energy = _system(
+        x[:unknowns],
+        x[unknowns:].reshape(-1, 2)[strip : strip + 1].copy(),
+        design[strip : strip + 1],
+        targets[strip : strip + 1],
+        np.ones(1),
+        grid,
+        sigma,
+        np.zeros(unknowns),
+        normal,
+        np.zeros(unknowns + 2),
+    )
+    return float(energy / (targets[strip] ** 2).sum()), normal
+
+
+def _curvature(
+    x: np.ndarray, design: np.ndarray, targets: np.ndarray, weights: np.ndarray, grid: np.ndarray, sigma: float, prior: float
+) -> Float[np.ndarray, "unknowns unknowns"]:
+    """The Gauss-Newton matrix of the energy in the coefficients, every strip's shift eliminated."""
+    unknowns = design.shape[2]
+    total = prior * np.eye(unknowns)
+    for s in range(len(design)):
+        n = _one(x, s, design, targets, grid, sigma)[1]
+        cross = n[:unknowns, unknowns:]
+        total += weights[s] * (n[:unknowns, :unknowns] - cross @ np.linalg.solve(n[unknowns:, unknowns:] + 1e-12 * np.eye(2), cross.T))
+    return total
