@@ -174,7 +174,9 @@ def _towards(
 
 
 def _blended(
-    cut: list[Tile], systems: list[list[TileSystem]], latents: list[list[Float[np.ndarray, "latent_rows period"]]]
+    cut: list[Tile],
+    systems: list[list[TileSystem]],
+    latents: list[list[np.ndarray]],  # each (latent rows, period) of its tile
 ) -> Float[np.ndarray, "rows cols channels"]:
     """The tiles' latent images joined over their overlaps by linear weights."""
     rows, cols, channels = systems[0][0].op.rows, cut[-1].last, len(systems[0])
