@@ -19,12 +19,13 @@ app.command()(plot)
 app.command()(simulate)
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
         from importlib.metadata import version
 
         print(f"rsvideo {version('rsvideo')}")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()

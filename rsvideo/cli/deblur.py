@@ -26,7 +26,7 @@ def deblur(
     motion: Annotated[
         Literal["rotation", "shift"] | None, Option(help="All three angles, or the paper's shift. [default: rotation]")
     ] = None,
-    degree: Annotated[int | None, Option(min=1, max=30, help="Of the trajectory's polynomial.")] = None,
+    degree: Annotated[int | None, Option(min=1, max=12, help="Of the trajectory's polynomial.")] = None,
     start: Annotated[Literal["kernels", "tracing"] | None, Option(help="How the first trajectory is found.")] = None,
     prior: Annotated[Literal["denoiser", "tv"] | None, Option(help="What a sharp picture is taken to look like.")] = None,
     transfer: Annotated[Literal["srgb", "bt709", "linear"] | None, Option(help="How codes stand for light. [default: srgb]")] = None,

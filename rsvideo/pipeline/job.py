@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError
@@ -31,7 +32,7 @@ class Job:
     focal_px: float | None
     transfer: Transfer | None
     trajectory: Path | None  # motion that is given
-    steering: Mapping[str, object]  # the core's settings under their names; those left out have their defaults
+    steering: Mapping[str, Any]  # the core's settings under their names; those left out have their defaults
     overwrite: bool
 
     @property

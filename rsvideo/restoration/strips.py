@@ -274,8 +274,8 @@ def fit(
     lengths = np.array([length(s.kernel) for s in strips])
     weights = (lengths < 2.5 * np.median(lengths)) + 0.1  # a kernel far longer than the others has failed
     weights = weights / weights.sum()
-    energies = np.zeros(len(x))
-    scale = 1.0
+    energies, scale, sigma = np.zeros(len(x)), 1.0, 1.0
+    grid, targets = np.zeros(0), np.zeros((0, 0, 0))  # those of the last round serve below
     rounds = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))
     for sigma, steps, survivors in rounds if start is None else rounds[1:]:
         step = max(1.0, sigma / 1.5)

@@ -10,7 +10,7 @@ from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, centred
+from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
 from rsvideo.restoration.blind import Iterate, Settings, restore
 
 ROWS, COLS = 80, 120
@@ -114,7 +114,7 @@ def test_a_degree_that_one_frame_does_not_determine_is_refused():
 
 
 @pytest.fixture(scope="module")
-def blindly() -> tuple[simulate.Rendering, FrameResult, list[Iterate], Polynomial]:
+def blindly() -> tuple[simulate.Rendering, FrameResult, list[Iterate], Trajectory]:
     """A frame, its restoration from the picture alone, what could be watched, and the truth."""
     camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
     timing = shutter(Direction.TOP_TO_BOTTOM, camera)
