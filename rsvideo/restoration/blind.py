@@ -38,7 +38,7 @@ class Settings:
     start: Literal["kernels", "tracing"] = "kernels"  # the first trajectory: a fit of rendered PSFs, or the paper's tracing
     refinement: Literal["sparsity", "alternation"] = "sparsity"  # latent image eliminated, or the paper's Algorithm 1
     prior: Literal["denoiser", "tv"] = "denoiser"
-    samples: int = 30  # K, path samples an exposure
+    samples: int = 30  # K, path samples an exposure; a longer path takes one a pixel
     mu: float = 1e-2  # the alternation's first weight of total variation
     mu_factor: float = 0.7  # tau
     mu_last: float = 1e-3
@@ -109,7 +109,7 @@ def restore(
             path,
             view.intrinsics,
             view.timing,
-            samples=settings.samples,
+            samples=max(settings.samples, math.ceil(_longest(view.timing, path))),
             prior=settings.prior,
             mu=settings.mu_final if settings.prior == "tv" else 5e-4,
             noise=view.noise,
@@ -196,6 +196,8 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     yield Iterate(stage="strip kernels", fraction=0.15, trajectory=still(part.timing.interval, degree=1, axes=2), latent=None)
     if sum(strips.length(s.kernel) < SHARP_KERNEL for s in found) >= min(2, len(found)):
         return
+    dense = max(part.samples, math.ceil(strips.reach(found)))
+    part, trial, scene = (replace(s, samples=dense) for s in (part, trial, scene))
     starts = list(initialise.candidates(found, part.timing, part.intrinsics, degree=settings.degree, most=settings.candidates))
     if settings.start == "tracing":
         traced = tracing.trace(found, part.timing, degree=settings.degree)
@@ -249,6 +251,12 @@ def _with_roll(scene: Scene, shift: Trajectory, kernels: KernelSettings, setting
     return motion.refine(scene, best, prior, ridge=scene.ridge, steps=8).trajectory
 
 
+def _longest(timing: ShutterTiming, path: Trajectory) -> float:
+    """The largest extent in px of any scanline's path."""
+    poses = path.at(timing.sample_times(16)[:: max(1, timing.rows // 32)])[..., :2]
+    return float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
+
+
 def judge(scene: Scene, path: Trajectory) -> Verdict:
     """Whether restoring along `path` will help.
 
@@ -257,10 +265,7 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
     """
     part = _window(scene, WINDOW_COLS)
     rest = still(part.timing.interval, degree=1, axes=2)
-    times = part.timing.sample_times(part.samples)[:: max(1, part.timing.rows // 16)]
-    poses = path.at(times)[..., :2]
-    longest = float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
-    if longest < SHORTEST:
+    if _longest(part.timing, path) < SHORTEST:
         return Verdict.SHARP
     if motion.energy(part, path) > COSTLIEST * motion.energy(part, rest):
         return Verdict.UNEXPLAINED

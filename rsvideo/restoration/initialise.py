@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -28,7 +29,7 @@ def strip_kernels(
     firsts = np.linspace(0, rows - height, count).round().astype(int) if count > 1 else [0]
     height = height if count > 1 else rows
     edges = np.linspace(0, cols, parts + 1).round().astype(int)
-    cells = [(int(f), int(a), int(b)) for f in firsts for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    cells = [(int(f), int(a), int(b)) for f in firsts for a, b in pairwise(edges)]
 
     def strip(cell: tuple[int, int, int], size: int) -> Strip:
         first, left, right = cell
