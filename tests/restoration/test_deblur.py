@@ -88,7 +88,7 @@ def test_clipped_lamps_do_not_ring(prior):
     clipped = case.blurred >= 1
     lit = clipped.any(axis=2) | (case.truth > 0.5).any(axis=2)  # there the lamps hide what was behind them
     lit = binary_dilation(lit, iterations=3)
-    around = binary_dilation(lit, iterations=12) & ~lit
+    around = np.logical_and(binary_dilation(lit, iterations=12), np.logical_not(lit))
     errors = [
         float(np.sqrt(np.mean((restored(case.blurred, SHIFT, clipped=known, prior=prior) - case.truth)[around] ** 2)))
         for known in (clipped, np.zeros_like(clipped))
