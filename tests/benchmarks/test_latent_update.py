@@ -253,7 +253,7 @@ def test_latent_update(frame, least, benchmark, steps):
         f"\nlatent update, {COLS} x {ROWS} grey, PSF of {len(K.psf(ROWS // 2, COLS // 2))} px, mu {MU:g}, blurred {psnr(b, truth):.2f} dB"
     )
     print(
-        f"  exact banded solver  {seconds:6.2f} s  objective {value:.3f} (least {least[0]:.3f}), {steps} steps, {psnr(inside, truth):.2f} dB"
+        f"  exact banded solver {seconds:6.2f} s, objective {value:.3f} (least {least[0]:.3f}), {steps} steps, {psnr(inside, truth):.2f} dB"
     )
     print(f"  sparse matrix and CG {slow:6.2f} s  objective {reached:.3f} (least {least[1]:.3f}), {admm_steps} steps of {inner} at most")
     print(f"                       of which {assembly:.2f} s assembly; threshold {threshold:g}, the best of {len(tried)} settings")
