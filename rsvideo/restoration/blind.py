@@ -19,7 +19,7 @@ from rsvideo.restoration import initialise, motion, strips, tracing
 from rsvideo.restoration.alternation import PaperSettings, alternate
 from rsvideo.restoration.kernel import KernelSettings
 from rsvideo.restoration.motion import Prior, Refined, Scene
-from rsvideo.restoration.strips import Candidate, Strip
+from rsvideo.restoration.strips import Candidate
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
 WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
@@ -197,7 +197,7 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     if sum(strips.length(s.kernel) < SHARP_KERNEL for s in found) >= min(2, len(found)):
         return
     dense = max(part.samples, math.ceil(strips.reach(found)))
-    part, trial, scene = (replace(s, samples=dense) for s in (part, trial, scene))
+    part, trial = (replace(s, samples=dense) for s in (part, trial))
     starts = list(initialise.candidates(found, part.timing, part.intrinsics, degree=settings.degree, most=settings.candidates))
     if settings.start == "tracing":
         traced = tracing.trace(found, part.timing, degree=settings.degree)
@@ -205,19 +205,20 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     if settings.refinement == "alternation":
         yield from _alternated(part, starts[0].trajectory, settings)
         return
+    if settings.motion == "rotation":
+        halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2, threads=settings.threads)
+        starts = initialise.with_roll(starts, halves, part.timing, part.intrinsics, degree=settings.degree)
+        yield Iterate(stage="kernels of halves", fraction=0.25, trajectory=starts[0].trajectory, latent=None)
     ranked: list[tuple[float, Refined, Prior]] = []
     for i, start in enumerate(starts):
         prior = Prior(mean=start.trajectory.coefficients[1:], curvature=start.curvature, weight=settings.trust)
         refined = motion.refine(trial, start.trajectory, prior, ridge=3 * trial.ridge, steps=8)
         ranked.append((_rank(trial, refined, start, settings.trust), refined, prior))
-        yield Iterate(stage="candidate paths", fraction=0.15 + 0.35 * (i + 1) / len(starts), trajectory=refined.trajectory, latent=None)
+        yield Iterate(stage="candidate paths", fraction=0.25 + 0.3 * (i + 1) / len(starts), trajectory=refined.trajectory, latent=None)
     _, refined, prior = min(ranked, key=lambda entry: entry[0])
     best = motion.refine(part, refined.trajectory, prior, ridge=3 * part.ridge, steps=16).trajectory
     best = motion.refine(part, best, prior, ridge=part.ridge, steps=8).trajectory
-    yield Iterate(stage="path", fraction=0.6, trajectory=best, latent=None)
-    if settings.motion == "rotation":
-        best = _with_roll(scene, best, kernels, settings)
-        yield Iterate(stage="path with roll", fraction=0.75, trajectory=best, latent=None)
+    yield Iterate(stage="path", fraction=0.75, trajectory=best, latent=None)
 
 
 def _alternated(scene: Scene, start: Trajectory, settings: Settings) -> Iterator[Iterate]:
@@ -233,22 +234,6 @@ def _alternated(scene: Scene, start: Trajectory, settings: Settings) -> Iterator
 def _rank(scene: Scene, refined: Refined, start: Candidate, trust: float) -> float:
     """Lower is better: sparse, explained by the strips' kernels, and of low energy (Eq. 15)."""
     return refined.value + trust * start.energy + 0.05 * math.log(motion.energy(scene, refined.trajectory))
-
-
-def _with_roll(scene: Scene, shift: Trajectory, kernels: KernelSettings, settings: Settings) -> Trajectory:
-    """The path with roll: from the kernels of the frame's left and right halves, or from none, whichever is sparser."""
-    halves: list[Strip] = initialise.strip_kernels(scene.frame, scene.timing, kernels, parts=2, threads=settings.threads)
-    flat = still(scene.timing.interval, degree=settings.degree, axes=3)
-    flat = flat.with_coefficients(np.hstack([shift.coefficients, np.zeros((settings.degree + 1, 1))]))
-    fitted = strips.fit(halves, scene.timing, scene.intrinsics, degree=settings.degree, stiffness=8e-3, keep=1, start=flat)[0]
-    roll = np.hstack([flat.coefficients[:, :2], fitted.trajectory.coefficients[:, 2:]])
-    tries = []
-    for start in (flat, flat.with_coefficients(roll)):
-        prior = Prior(mean=start.coefficients[1:], curvature=fitted.curvature, weight=settings.trust)
-        refined = motion.refine(scene, start, prior, ridge=3 * scene.ridge, steps=6)
-        tries.append((refined.value, refined.trajectory, prior))
-    _, best, prior = min(tries, key=lambda entry: entry[0])
-    return motion.refine(scene, best, prior, ridge=scene.ridge, steps=8).trajectory
 
 
 def _longest(timing: ShutterTiming, path: Trajectory) -> float:

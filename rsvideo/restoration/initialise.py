@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import still
 from rsvideo.restoration import kernel as uniform
 from rsvideo.restoration.kernel import KernelSettings
 from rsvideo.restoration.strips import Candidate, Strip, fit
@@ -61,3 +62,18 @@ def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsic
             if apart and len(found) < most and (not found or c.energy < 3 * found[0].energy):
                 found.append(c)
                 yield c
+
+
+def with_roll(
+    found: list[Candidate], halves: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, *, degree: int
+) -> list[Candidate]:
+    """The candidates with a third axis, fitted anew to the kernels of the frame's left and right halves; equal ones once."""
+    out: list[Candidate] = []
+    for candidate in found:
+        flat = np.hstack([candidate.trajectory.coefficients, np.zeros((degree + 1, 1))])
+        start = still(timing.interval, degree=degree, axes=3).with_coefficients(flat)
+        fitted = fit(halves, timing, intrinsics, degree=degree, stiffness=candidate.stiffness, keep=1, start=start)[0]
+        new = fitted.trajectory.coefficients[:, :2]
+        if all(np.linalg.norm(new - other.trajectory.coefficients[:, :2]) > 0.8 for other in out):
+            out.append(fitted)
+    return out

@@ -236,6 +236,7 @@ class Candidate:
     energy: float
     trajectory: Polynomial
     curvature: Float[np.ndarray, "unknowns unknowns"]  # of the energy there, in the coefficients but the constants
+    stiffness: float  # of the prior on a hand's motion that it was found with
 
 
 def reach(strips: list[Strip]) -> float:
@@ -300,6 +301,7 @@ def fit(
             energy=float(e),
             trajectory=curve.with_coefficients(np.vstack([np.zeros((1, axes)), (c[: len(spread)] * spread).reshape(degree, axes)])),
             curvature=_curvature(c, design, targets, weights, grid, sigma, stiffness * scale) / scale / np.outer(spread, spread),
+            stiffness=stiffness,
         )
         for e, c in zip(energies[:keep], x[:keep], strict=True)
     ]

@@ -24,7 +24,7 @@ def codes(path: Path) -> np.ndarray:
     image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     if image is None:
         sys.exit(f"cannot read {path}")
-    return np.atleast_3d(image).astype(np.float32) / np.iinfo(image.dtype).max
+    return np.atleast_3d(image).astype(np.float32) / (65535 if image.dtype == np.uint16 else 255)
 
 
 def restored(case: Path, results: Path, options: list[str], known: bool) -> tuple[str, float, float, float, float, str]:
