@@ -17,14 +17,14 @@ from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit
 COLUMNS = ("t_s", "pitch_rad", "yaw_rad", "roll_rad")
 _TOLERANCE = 0.01  # px, anywhere in the frame
 _TERMS = (8, 16, 32, 64, 128, 256, 512)
-_SLACK = 1e-3  # of the interval, that a record may start late or end early
+_SLACK = 0.02  # of the interval, that a record may start late or end early, but by no more than one of its own steps
 
 
 def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
     """The motion in a file, with its pose at the middle of the frame's interval as the origin."""
     t, poses = _from_sidecar(path) if path.suffix.lower() == ".json" else _from_csv(path, intrinsics)
     start, end = timing.interval
-    slack = _SLACK * (end - start)
+    slack = max(1e-3 * (end - start), min(_SLACK * (end - start), float(np.median(np.diff(t)))))
     if t[0] > start + slack or t[-1] < end - slack:
         raise ValueError(
             f"{path} must cover the frame's whole interval, {start:g} to {end:g} s, it covers {t[0]:g} to {t[-1]:g} s;"
@@ -79,7 +79,7 @@ def _spline(
     near = slice(max(first - 4, 0), last + 4)  # samples beyond do not shape the curve inside
     t, poses = t[near], poses[near]
     dense = np.linspace(*interval, 4 * _TERMS[-1] + 1)
-    path_px = CubicSpline(t, poses)(np.clip(dense, t[0], t[-1]))
+    path_px = CubicSpline(t, poses)(dense)
     reach = np.array([1.0, 1.0, 0.5 * np.hypot(intrinsics.rows, intrinsics.cols)])[
         : poses.shape[1]
     ]  # px a unit of each axis moves a corner
