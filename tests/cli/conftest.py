@@ -18,6 +18,8 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 
 def _run(program: list[str], *words: object, **how) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"DAWDLE": "0"}
+    if "preexec_fn" in how:  # where files are cut short, Python would cache its own bytecode cut short, for all later runs
+        environment |= {"PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run([*program, *map(str, words)], capture_output=True, text=True, timeout=120, env=environment, check=False, **how)
 
 
