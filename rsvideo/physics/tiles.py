@@ -14,7 +14,7 @@ from rsvideo.physics.camera import Intrinsics, lever, turned
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 
-NARROWEST = 48  # columns a tile keeps for itself; narrower ones cost more and gain nothing
+NARROWEST = 32  # columns a tile keeps for itself; narrower ones cost more and gain nothing
 
 
 @dataclass(frozen=True, kw_only=True)
