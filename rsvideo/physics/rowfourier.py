@@ -139,6 +139,11 @@ class RowFourier:
     def frequencies(self) -> int:
         return self.period // 2 + 1
 
+    @property
+    def difference_power(self) -> Float[np.ndarray, " frequencies"]:
+        """|d_x(f)|^2 = |1 - exp(2 pi i f)|^2 of the difference between neighbouring columns."""
+        return 2 - 2 * np.cos(2 * np.pi * np.arange(self.frequencies) / self.period)
+
     def spectrum(self, image: Float[np.ndarray, "n period"]) -> Complex[np.ndarray, "n frequencies"]:
         """The Fourier transform along rows."""
         return np.asarray(scipy.fft.rfft(image, axis=1))

@@ -20,6 +20,8 @@ from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.solvers.banded import BandedHermitian
 from rsvideo.solvers.collaborative import denoise
+from rsvideo.solvers.differences import Differences
+from rsvideo.solvers.prox import soft_threshold
 
 OVERLAP = 24  # columns over which neighbouring tiles are blended
 TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term
@@ -40,8 +42,7 @@ class TileSystem:
 
     def roughness(self, rho: float, floor: float) -> Float[np.ndarray, " frequencies"]:
         """rho |d_x(f)|^2 + floor, the diagonal part of rho D^T D + floor I."""
-        angle = 2 * np.pi * np.arange(self.op.frequencies) / self.op.period
-        return (rho * (2 - 2 * np.cos(angle)) + floor).astype(np.float32)
+        return (rho * self.op.difference_power + floor).astype(np.float32)
 
     def complete(self, blurred: Float[np.ndarray, "rows period"]) -> Float[np.ndarray, "rows period"]:
         """The frame where it is data, K l elsewhere; a clipped pixel is at least as bright as it reads."""
@@ -84,36 +85,20 @@ def total_variation(system: TileSystem, mu: float, *, steps: int, rho: float = T
     op = system.op
     factor = system.normal.plus(1, system.roughness(rho, 1e-5), rho).factor()
     data = system.completed
-    latent = jx = jy = ux = uy = np.zeros((op.latent_rows, op.period), np.float32)
+    D = Differences(periodic_cols=True)
+    latent = np.zeros((op.latent_rows, op.period), np.float32)
+    j = u = D.forward(latent)
     for step in range(steps):
         rhs = op.adjoint(op.spectrum(data))
         if step:
-            rhs += op.spectrum(np.float32(rho) * _gradient_adjoint(jx - ux, jy - uy))
+            rhs += op.spectrum(np.float32(rho) * D.adjoint(j - u))
         spectrum = factor.solve(rhs)  # argmin_l L(l, j, u), Eq. (17)
         latent = op.image(spectrum)
         data = system.complete(op.image(op.forward(spectrum)))
-        gx, gy = _gradient(latent)
-        jx, jy = _shrink(gx + ux, mu / rho), _shrink(gy + uy, mu / rho)  # argmin_j L(l, j, u)
-        ux, uy = ux + gx - jx, uy + gy - jy
+        gradient = D.forward(latent)
+        j = soft_threshold(gradient + u, mu / rho)  # argmin_j L(l, j, u)
+        u = u + gradient - j
     return latent
-
-
-def _gradient(latent: Float[np.ndarray, "n m"]) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n m"]]:
-    """Forward differences: columns are periodic, rows are free."""
-    gy = np.zeros_like(latent)
-    gy[:-1] = latent[1:] - latent[:-1]
-    return np.roll(latent, -1, axis=1) - latent, gy
-
-
-def _gradient_adjoint(gx: Float[np.ndarray, "n m"], gy: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
-    out = np.roll(gx, 1, axis=1) - gx
-    out[1:] += gy[:-1]
-    out[:-1] -= gy[:-1]
-    return out
-
-
-def _shrink(x: Float[np.ndarray, "n m"], threshold: float) -> Float[np.ndarray, "n m"]:
-    return x - np.clip(x, -threshold, threshold)
 
 
 def deblur(

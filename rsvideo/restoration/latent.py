@@ -46,10 +46,9 @@ class RowBlur:
 def exact_step(A: RowFourier, *, sigma: float, rho: float) -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     """The l-update of ADMM, solved exactly: factors once, then (sigma A^H A + rho D^T D) l = sigma A^H v + rho D^T g by rows."""
     D = Differences(periodic_cols=True)
-    d_x = 2 - 2 * np.cos(2 * np.pi * np.arange(A.frequencies) / A.period)  # |1 - exp(2 pi i f)|^2
     re, im = A.gram()
     gram = BandedHermitian(re=re, im=im, frequencies=A.frequencies)
-    N = gram.plus(sigma, (rho * d_x).astype(np.float32), rho).factor()
+    N = gram.plus(sigma, (rho * A.difference_power).astype(np.float32), rho).factor()
 
     def minimise_l(v: np.ndarray, g: np.ndarray, _: np.ndarray) -> np.ndarray:
         return A.image(N.solve(sigma * A.adjoint(A.spectrum(v)) + rho * A.spectrum(D.adjoint(g))))
