@@ -125,7 +125,7 @@ def test_an_unknown_name_is_told_with_those_there_are() -> None:
 
 def test_a_name_reaches_no_file_outside_the_folder() -> None:
     with pytest.raises((ConfigError, UnreadableError)):
-        find("../../pyproject")
+        find(f"../cameras/{profile.names()[0]}")
 
 
 @pytest.mark.parametrize("name", profile.names())
