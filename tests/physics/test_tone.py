@@ -1,3 +1,6 @@
+import warnings
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -17,10 +20,57 @@ def test_every_code_comes_back_exactly(transfer: Transfer, top: int) -> None:
 
 
 @every_transfer
-def test_black_stays_black_and_white_white(transfer: Transfer) -> None:
-    ends = np.array([0, 1], np.float32)
-    np.testing.assert_allclose(encode(transfer, ends), ends, atol=1e-6)
-    np.testing.assert_allclose(decode(transfer, ends), ends, atol=1e-6)
+def test_the_top_code_is_light_1(transfer: Transfer) -> None:
+    np.testing.assert_allclose(encode(transfer, np.ones(1, np.float32)), 1, atol=1e-6)
+    np.testing.assert_allclose(decode(transfer, np.ones(1, np.float32)), 1, atol=1e-6)
+
+
+@pytest.mark.parametrize("transfer", [transfer for transfer in Transfer if not transfer.logarithmic])
+def test_code_0_is_black(transfer: Transfer) -> None:
+    assert abs(float(encode(transfer, np.zeros(1, np.float32))[0])) < 1e-6
+    assert abs(float(decode(transfer, np.zeros(1, np.float32))[0])) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("transfer", "grey"),
+    [  # the code, of 1023, that the maker gives for 18 % grey
+        (Transfer.SLOG3, 420),
+        (Transfer.CLOG, 351),
+        (Transfer.CLOG3, 351),
+        (Transfer.VLOG, 433),
+        (Transfer.LOGC3, 400),
+    ],
+)
+def test_a_grey_card_has_the_code_that_the_maker_says(transfer: Transfer, grey: int) -> None:
+    light = twin(transfer)(np.array([grey / 1023]))
+    assert abs(float(light[0]) - 0.18) < 0.002
+    np.testing.assert_allclose(encode(transfer, (light / twin(transfer)(np.ones(1))).astype(np.float32)) * 1023, grey, atol=0.01)
+
+
+TWINS = {
+    Transfer.SRGB: "eotf_sRGB",
+    Transfer.PQ: "eotf_ST2084",
+    Transfer.HLG: "oetf_inverse_BT2100_HLG",
+    Transfer.SLOG3: "log_decoding_SLog3",
+    Transfer.CLOG: "log_decoding_CanonLog",
+    Transfer.CLOG3: "log_decoding_CanonLog3",
+    Transfer.VLOG: "log_decoding_VLog",
+    Transfer.LOGC3: "log_decoding_ARRILogC3",
+}
+
+
+def twin(transfer: Transfer) -> Callable[[np.ndarray], np.ndarray]:
+    """The same curve in colour-science, slower to import."""
+    with warnings.catch_warnings(action="ignore"):  # it remarks on what it would draw with
+        import colour
+    return getattr(colour.models, TWINS[transfer])
+
+
+@pytest.mark.parametrize("transfer", TWINS)
+def test_curves_match_those_of_colour_science(transfer: Transfer) -> None:
+    codes = np.linspace(0, 1, 1025)
+    theirs = twin(transfer)(codes)
+    np.testing.assert_allclose(decode(transfer, codes.astype(np.float32)), theirs / theirs[-1], atol=5e-7)
 
 
 @every_transfer

@@ -1,0 +1,212 @@
+"""Codes of a picture into linear light and back, in floating point all the way.
+
+Code values first become R'G'B', where 0 is black and 1 nominal white, then light by the transfer function. Limited range leaves
+codes above nominal white; light 1 is the highest of them, so that a camera's super-white survives. What light in [0, 1] cannot
+hold (codes below black, colours out of gamut, chroma finer than its samples) is not lost either: `codes` adds to the original's
+codes what changed in the picture, and so gives back the original exactly where nothing did.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Bool, Float32
+from numba import njit
+
+from rsvideo.physics import tone
+from rsvideo.physics.tone import Transfer
+from rsvideo.video.clip import Colour, Matrix, Picture
+
+Light = Float32[np.ndarray, "rows cols channels"]  # 3, or 1 of a grey picture
+
+_KR_KB = {Matrix.BT601: (0.299, 0.114), Matrix.BT709: (0.2126, 0.0722), Matrix.BT2020: (0.2627, 0.0593)}
+_ENTRIES = 1 << 16  # of a table, evenly spaced
+_BELOW, _ABOVE = 1.5, 4.0  # steps of 8 bits about white that count as clipped: what a codec makes of a plateau
+
+
+def light(picture: Picture, colour: Colour) -> tuple[Light, Bool[np.ndarray, "rows cols channels"]]:
+    """Linear light in [0, 1], and where the camera was full."""
+    if colour.floating:
+        planes = np.stack(picture.planes, axis=-1).astype(np.float32)
+        return np.clip(np.nan_to_num(planes, nan=0.0), 0, 1), planes >= 1
+    primed = _primed(picture, colour)
+    return _linear(primed, colour), _clipped(primed, colour)
+
+
+def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
+    """`picture` with its light replaced by `pixels`; exactly itself where they are its own light."""
+    before = light(picture, colour)[0]
+    if colour.floating:
+        return replace(picture, planes=tuple(p + (pixels - before)[..., k] for k, p in enumerate(picture.planes)))
+    change = _mixed(_coded(pixels, colour) - _coded(before, colour), colour)
+    return replace(picture, planes=tuple(_rounded(p + d, colour) for p, d in zip(picture.planes, change, strict=True)))
+
+
+def encoded(pixels: Light, picture: Picture, target: Colour) -> Picture:
+    """A picture in the layout `target` that shows `pixels`, whatever layout `picture` has; only its times are taken."""
+    channels = 1 if target.subsampling == "4:0:0" else 3
+    if pixels.shape[2] != channels:
+        pixels = np.repeat(pixels, 3, axis=2) if channels == 3 else (pixels @ np.array([[0.2126], [0.7152], [0.0722]], np.float32))
+    if target.floating:
+        return replace(picture, planes=tuple(np.ascontiguousarray(pixels[..., k]) for k in range(channels)))
+    return replace(picture, planes=_stored(_mixed(_coded(pixels, target), target), target))
+
+
+def relaid(picture: Picture, colour: Colour, target: Colour) -> Picture:
+    """The same picture in another depth, range or chroma layout; through light only where the curve or the matrix differs."""
+    grey = colour.subsampling == "4:0:0"
+    if colour.floating or target.floating or colour.transfer is not target.transfer or (colour.matrix is not target.matrix and not grey):
+        pixels = light(picture, colour)[0]
+        return encoded(pixels * np.float32(_full_light(colour) / _full_light(target)), picture, target)
+    mixed = [_nominal(plane, k, colour) for k, plane in enumerate(picture.planes)]
+    if grey and target.subsampling != "4:0:0":
+        mixed = [mixed[0], *([mixed[0]] * 2 if target.matrix is Matrix.RGB else [np.zeros_like(mixed[0])] * 2)]
+    elif colour.chroma_shift != target.chroma_shift:
+        shape = mixed[0].shape
+        mixed = [mixed[0], *(_coarse(_fine(c, shape, colour.chroma_shift), target.chroma_shift) for c in mixed[1:])]
+    return replace(picture, planes=_stored([plane * _span(k, target) for k, plane in enumerate(mixed)], target))
+
+
+def _span(k: int, colour: Colour) -> np.float32:
+    """Codes from 0 to 1 of luma or of R'G'B', and from -1/2 to 1/2 of chroma."""
+    if colour.full_range:
+        return np.float32(colour.top)
+    return np.float32((219 if k == 0 or colour.matrix is Matrix.RGB else 224) << (colour.depth - 8))
+
+
+def _zero(k: int, colour: Colour) -> np.float32:
+    """The code of black, or of no colour."""
+    if k and colour.matrix is not Matrix.RGB:
+        return np.float32(1 << (colour.depth - 1))
+    return np.float32(0 if colour.full_range else 16 << (colour.depth - 8))
+
+
+def _nominal(plane: np.ndarray, k: int, colour: Colour) -> np.ndarray:
+    return (plane.astype(np.float32) - _zero(k, colour)) * (np.float32(1) / _span(k, colour))
+
+
+def _primed(picture: Picture, colour: Colour) -> np.ndarray:
+    """R'G'B' (or grey) of the codes: 0 black, 1 nominal white."""
+    parts = [_nominal(plane, k, colour) for k, plane in enumerate(picture.planes)]
+    if colour.matrix is not Matrix.RGB and len(parts) == 3:
+        kr, kb = _KR_KB[colour.matrix]
+        y, cb, cr = parts[0], *(_fine(c, parts[0].shape, colour.chroma_shift) for c in parts[1:])
+        red, blue = y + np.float32(2 * (1 - kr)) * cr, y + np.float32(2 * (1 - kb)) * cb
+        parts = [red, (y - np.float32(kr) * red - np.float32(kb) * blue) * np.float32(1 / (1 - kr - kb)), blue]
+    return np.stack(parts, axis=-1)
+
+
+def _mixed(primed: np.ndarray, colour: Colour) -> list[np.ndarray]:
+    """Planes in steps of codes, without the code of zero, that R'G'B' makes; linear."""
+    parts = [primed[..., k] for k in range(primed.shape[-1])]
+    if colour.matrix is not Matrix.RGB and len(parts) == 3:
+        kr, kb = _KR_KB[colour.matrix]
+        y = np.float32(kr) * parts[0] + np.float32(1 - kr - kb) * parts[1] + np.float32(kb) * parts[2]
+        chroma = ((parts[2] - y) * np.float32(0.5 / (1 - kb)), (parts[0] - y) * np.float32(0.5 / (1 - kr)))
+        parts = [y, *(_coarse(c, colour.chroma_shift) for c in chroma)]
+    return [part * _span(k, colour) for k, part in enumerate(parts)]
+
+
+def _stored(parts: list[np.ndarray], colour: Colour) -> tuple[np.ndarray, ...]:
+    return tuple(_rounded(part + _zero(k, colour), colour) for k, part in enumerate(parts))
+
+
+def _rounded(plane: np.ndarray, colour: Colour) -> np.ndarray:
+    return np.clip(np.rint(plane), 0, colour.top).astype(np.uint8 if colour.depth <= 8 else np.uint16)
+
+
+def _fine(c: np.ndarray, shape: tuple[int, ...], shift: tuple[int, int]) -> np.ndarray:
+    """Chroma at every luma sample: sited with the left column, and midway between two rows (H.264's and HEVC's default)."""
+    rows, cols = shape
+    for _ in range(shift[0]):
+        above, below = np.concatenate([c[:1], c[:-1]]), np.concatenate([c[1:], c[-1:]])
+        c = np.stack([0.75 * c + 0.25 * above, 0.75 * c + 0.25 * below], axis=1).reshape(-1, c.shape[1])
+    for _ in range(shift[1]):
+        right = np.concatenate([c[:, 1:], c[:, -1:]], axis=1)
+        c = np.stack([c, 0.5 * (c + right)], axis=2).reshape(c.shape[0], -1)
+    return c[:rows, :cols]
+
+
+def _coarse(c: np.ndarray, shift: tuple[int, int]) -> np.ndarray:
+    """The counterpart of `_fine`: its weights, transposed."""
+    for _ in range(shift[0]):
+        c = np.pad(c, ((1, 2 + len(c) % 2), (0, 0)), mode="edge")
+        c = 0.125 * (c[:-3:2] + c[3::2]) + 0.375 * (c[1:-2:2] + c[2:-1:2])
+    for _ in range(shift[1]):
+        c = np.pad(c, ((0, 0), (1, 1 + c.shape[1] % 2)), mode="edge")
+        c = 0.25 * (c[:, :-2:2] + c[:, 2::2]) + 0.5 * c[:, 1:-1:2]
+    return c
+
+
+def _scale(colour: Colour) -> tuple[float, float]:
+    """Gain and lift from R'G'B' to what the curve is defined on: log curves are, on whole codes."""
+    if colour.transfer.logarithmic and not colour.full_range:
+        span, top = 219 << (colour.depth - 8), colour.top
+        return span / top, (16 << (colour.depth - 8)) / top
+    return 1.0, 0.0
+
+
+def _highest(colour: Colour) -> float:
+    """The largest value of R'G'B' that equal codes reach."""
+    if colour.full_range:
+        return 1.0
+    return (colour.top - (16 << (colour.depth - 8))) / (219 << (colour.depth - 8))
+
+
+def _full_light(colour: Colour) -> float:
+    """The light of `_highest`, where that of code 1 is 1."""
+    gain, lift = _scale(colour)
+    return float(tone.decode(colour.transfer, np.array([gain * _highest(colour) + lift], np.float32))[0])
+
+
+@lru_cache(maxsize=8)
+def _tables(transfer: Transfer, gain: float, lift: float, highest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Light by R'G'B' from 0 to `highest`; and R'G'B' by the fourth root of light, which is where curves are steep."""
+    primed = np.linspace(0, highest, _ENTRIES + 1)
+    to_light = tone.decode(transfer, (gain * primed + lift).astype(np.float32)).astype(np.float64)
+    to_light = np.maximum.accumulate(np.maximum(to_light, 0) / to_light[-1])
+    rising = np.concatenate([to_light[:-1] < to_light[1:], [True]])  # of equal ones, the last: the code of black
+    roots = np.linspace(0, 1, _ENTRIES + 1)
+    to_primed = np.interp(roots**4, to_light[rising], primed[rising])
+    return to_light.astype(np.float32), to_primed.astype(np.float32)
+
+
+def _of(colour: Colour) -> tuple[np.ndarray, np.ndarray]:
+    return _tables(colour.transfer, *_scale(colour), _highest(colour))
+
+
+def _linear(primed: np.ndarray, colour: Colour) -> np.ndarray:
+    return _looked_up(primed, _of(colour)[0], np.float32(_ENTRIES / _highest(colour)))
+
+
+def _coded(pixels: np.ndarray, colour: Colour) -> np.ndarray:
+    return _looked_up(np.sqrt(np.sqrt(np.maximum(pixels, 0))), _of(colour)[1], np.float32(_ENTRIES))
+
+
+def _clipped(primed: np.ndarray, colour: Colour) -> np.ndarray:
+    step = 1 / 255 if colour.full_range else 1 / 219
+    if colour.depth > 8:
+        step /= 2
+    full = primed >= _highest(colour) - _BELOW * step
+    if colour.full_range or colour.transfer.logarithmic:
+        return full
+    return full | ((primed >= 1 - _BELOW * step) & (primed <= 1 + _ABOVE * step))
+
+
+@no_type_check
+@njit(cache=True)
+def _looked_up(values, table, scale):
+    """Linear interpolation between the entries of a table; ends hold beyond them."""
+    flat, out, last = values.reshape(-1), np.empty(values.size, np.float32), len(table) - 1
+    for i in range(len(flat)):
+        at = flat[i] * scale
+        if at > 0:
+            k = int(min(at, np.float32(last)))
+            if k >= last:
+                out[i] = table[last]
+            else:
+                out[i] = table[k] + (at - np.float32(k)) * (table[k + 1] - table[k])
+        else:
+            out[i] = table[0]  # NaN too
+    return out.reshape(values.shape)

@@ -1,0 +1,529 @@
+"""Clips read strictly: what a file holds, and its pictures in order, none lost and none damaged unnoticed."""
+
+import contextlib
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import BinaryIO, Literal
+
+import av
+import av.error
+import av.logging
+import av.stream
+import numpy as np
+from av.container import InputContainer
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+from rsvideo.config.files import UnreadableError
+from rsvideo.physics.tone import Transfer
+from rsvideo.video import sequence
+from rsvideo.video.clip import Colour, Matrix, Picture, Stream, Track, planar
+from rsvideo.video.codes import check_pixels
+
+OnDamage = Literal["fail", "passthrough", "skip"]
+
+MOST_FRAMES = 20_000_000  # 92 hours at 60 a second
+_STRICT = "explode+crccheck+bitstream"
+_EBML = b"\x1aE\xdf\xa3"
+_BOXES = {b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot"}
+_SEGMENT = b"\x18S\x80g"
+
+_MATRIX = {0: Matrix.RGB, 1: Matrix.BT709, 5: Matrix.BT601, 6: Matrix.BT601, 9: Matrix.BT2020}
+_TRANSFER = {
+    **dict.fromkeys((1, 6, 11, 14, 15), Transfer.BT709),
+    4: Transfer.GAMMA22,
+    5: Transfer.GAMMA28,
+    8: Transfer.LINEAR,
+    13: Transfer.SRGB,
+    16: Transfer.PQ,
+    18: Transfer.HLG,
+}
+_PRIMARIES = {
+    1: "bt709",
+    4: "bt470m",
+    5: "bt470bg",
+    6: "smpte170m",
+    7: "smpte240m",
+    8: "film",
+    9: "bt2020",
+    10: "smpte428",
+    11: "smpte431",
+    12: "smpte432",
+    22: "ebu3213",
+}
+_UNSAID = {2}
+_FULL = 2  # FFmpeg's AVCOL_RANGE_JPEG
+
+_LAYOUT_OF = (  # layouts that are handed over as planes of the same codes
+    (re.compile(r"(rgb24|bgr24|0rgb|rgb0|0bgr|bgr0|argb|rgba|abgr|bgra|pal8)"), "gbrp"),
+    (re.compile(r"(rgb48|bgr48|rgba64|bgra64)[lb]e"), "gbrp16le"),
+    (re.compile(r"(nv12|nv21)"), "yuv420p"),
+    (re.compile(r"nv16"), "yuv422p"),
+    (re.compile(r"(yuyv422|uyvy422|yvyu422)"), "yuv422p"),
+    (re.compile(r"p010[lb]e"), "yuv420p10le"),
+    (re.compile(r"p210[lb]e"), "yuv422p10le"),
+    (re.compile(r"(mono[wb]|ya8)"), "gray"),
+)
+
+
+def probe(path: Path, rate: Fraction | None = None) -> Stream:
+    """What a file, a folder or a pattern such as `shot_####.dng` holds. `rate` is for sequences, which do not know theirs."""
+    if sequence.is_sequence(path):
+        return sequence.probe(path, rate)
+    family = _family(path)
+    try:
+        with _watched() as log, _opened(path, family) as file:
+            return _probed(path, family, file, log)
+    except av.error.FFmpegError as error:
+        raise UnreadableError(f"{path} cannot be read: {_said(error)}; is it damaged or cut short?") from error
+    except (ValueError, OverflowError) as error:
+        raise error if isinstance(error, UnreadableError) else UnreadableError(f"{path} {error}") from error
+
+
+def pictures(stream: Stream, first: int = 0, last: int | None = None, *, on_damage: OnDamage = "fail") -> Iterator[Picture]:
+    """The pictures first, ..., last - 1, exactly as decoding from the start gives them.
+
+    What is damaged or missing raises UnreadableError; or is handed over as decoded, or as the picture before, marked as
+    damaged ("passthrough"); or is left out ("skip"). Damage reaches to the next picture that depends on no other.
+    """
+    last = stream.frames if last is None else last
+    if not 0 <= first < last <= stream.frames:
+        raise ValueError(f"the range must lie within the clip's {stream.frames} pictures, got {first} to {last}")
+    if stream.files:
+        yield from sequence.pictures(stream, first, last)
+        return
+    try:
+        yield from _strict(stream, first, last) if on_damage == "fail" else _lenient(stream, first, last, on_damage)
+    except av.error.FFmpegError as error:
+        raise UnreadableError(f"{stream.path} cannot be read: {_said(error)}") from error
+
+
+def _family(path: Path) -> str:
+    """The kind of container, from its first bytes; FFmpeg's own guess would open playlists and text too."""
+    try:
+        if not path.is_file():
+            raise UnreadableError(f"{path} {'is a folder, not a file' if path.is_dir() else 'does not exist or is not a file'}")
+        with path.open("rb") as file:
+            head, size = file.read(16), path.stat().st_size
+            if not size:
+                raise UnreadableError(f"{path} is empty")
+            if head[4:8] in _BOXES:
+                _check_boxes(path, file, size)
+                return "mov"
+            if head[:4] == _EBML:
+                _check_segment(path, file, size)
+                return "matroska"
+    except OSError as error:
+        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
+    raise UnreadableError(f"{path} must be an MP4, MOV or MKV clip, its first bytes are {head[:8]!r}; is it another kind of file?")
+
+
+def _check_boxes(path: Path, file: BinaryIO, size: int) -> None:
+    """Every box of the outermost level must end within the file."""
+    at, kinds = 0, set()
+    while at + 8 <= size:
+        file.seek(at)
+        length, kind, longer = struct.unpack(">I4sQ", file.read(16).ljust(16, b"\0"))
+        kinds.add(kind)
+        extent = {0: size - at, 1: longer}.get(length, length)
+        if extent < 8 or at + extent > size:
+            raise UnreadableError(
+                f"{path} is cut short or damaged: its {kind.decode('latin-1')!r} box at byte {at} says {extent} bytes, {size - at} are left"
+            )
+        at += extent
+    if b"moov" not in kinds:
+        raise UnreadableError(f"{path} is cut short: it has no index ('moov' box); was the recording interrupted?")
+
+
+def _check_segment(path: Path, file: BinaryIO, size: int) -> None:
+    """The segment of a Matroska file must end within the file, where its length is stated."""
+    at = 0
+    for _ in range(8):  # the header, the segment, and perhaps a void between
+        file.seek(at)
+        head = file.read(12)
+        if len(head) < 12:
+            break
+        id_bytes, length_bytes = _vint(head[0]), _vint(head[4])
+        if id_bytes > 4:
+            break
+        length_bytes = _vint(head[id_bytes])
+        raw = int.from_bytes(head[id_bytes : id_bytes + length_bytes])
+        length = raw & ((1 << 7 * length_bytes) - 1)
+        at += id_bytes + length_bytes
+        if head[:id_bytes] == _SEGMENT:
+            if length != (1 << 7 * length_bytes) - 1 and at + length > size:
+                raise UnreadableError(f"{path} is cut short: its segment says {length} bytes, {size - at} are left")
+            return
+        at += length
+    raise UnreadableError(f"{path} is cut short or damaged: it has no segment")
+
+
+def _vint(first: int) -> int:
+    """Bytes of an EBML number that begins so; 9 where it is none."""
+    return 9 - first.bit_length() if first else 9
+
+
+@contextlib.contextmanager
+def _watched() -> Iterator[list[tuple[int, str, str]]]:
+    """What FFmpeg says meanwhile, errors only."""
+    before, repeated = av.logging.get_level(), av.logging.get_skip_repeated()
+    av.logging.set_level(av.logging.ERROR)
+    av.logging.set_skip_repeated(False)
+    try:
+        with av.logging.Capture() as log:
+            yield log
+    finally:
+        av.logging.set_level(before)
+        av.logging.set_skip_repeated(repeated)
+
+
+def _opened(path: Path, family: str) -> InputContainer:
+    return av.open(str(path), "r", format=family, metadata_errors="replace")
+
+
+def _said(error: av.error.FFmpegError) -> str:
+    """What FFmpeg says of an error, without the path that it adds."""
+    return (error.strerror or type(error).__name__).lower()
+
+
+def _probed(path: Path, family: str, file: InputContainer, log: list[tuple[int, str, str]]) -> Stream:
+    videos = [stream for stream in file.streams.video if not stream.disposition & av.stream.Disposition.attached_pic]
+    if not videos:
+        kinds = sorted({stream.type for stream in file.streams})
+        raise UnreadableError(f"{path} must hold video, it holds {' and '.join(kinds) or 'no track'}; is it the right file?")
+    video = videos[0]
+    check_pixels(video.height, video.width)
+    times, keys, end, shown = _scan(path, video, file)
+    _check_lengths(path, family, video, file, times, end)
+    if shown is None:
+        said = f" ({log[0][2].strip()})" if log else ""
+        raise UnreadableError(f"{path} holds no picture that can be decoded{said}; is it damaged?")
+    colour, notes = _colour(path, video, shown)
+    matrix = _display_matrix(shown)
+    tags, metadata = dict(video.metadata), dict(file.metadata)
+    told = {key.lower(): value for key, value in (metadata | tags).items()}  # Matroska's are in capitals
+    assert video.time_base is not None  # every stream of these containers has one
+    return Stream(
+        path=path,
+        codec=video.codec_context.name,
+        rows=shown.height,
+        cols=shown.width,
+        rate=video.average_rate or video.guessed_rate or Fraction(len(times)) / (Fraction(end - int(times[0])) * video.time_base),
+        time_base=video.time_base,
+        times=times,
+        end=end,
+        colour=colour,
+        index=video.index,
+        keys=keys,
+        rotation=shown.rotation,
+        display_matrix=matrix,
+        sample_aspect_ratio=video.sample_aspect_ratio or Fraction(1),
+        tracks=tuple(_track(stream) for stream in file.streams if stream.index != video.index),
+        metadata=metadata,
+        tags=tags,
+        timecode=told.get("timecode"),
+        created=metadata.get("creation_time") or told.get("creation_time"),
+        notes=notes,
+    )
+
+
+def _scan(path: Path, video: VideoStream, file: InputContainer) -> tuple[np.ndarray, np.ndarray, int, VideoFrame | None]:
+    """The pts of all pictures and of the key pictures, when the last ends, and the first picture that can be decoded."""
+    video.codec_context.thread_count = 1
+    for other in file.streams:
+        if other.index != video.index:
+            other.discard = av.stream.Discard.all
+    times: list[int] = []
+    keys: list[int] = []
+    durations: list[int] = []
+    shown = None
+    for packet in file.demux(video):
+        if shown is None:
+            with contextlib.suppress(av.error.FFmpegError):
+                shown = next(iter(packet.decode()), None)
+        if not packet.size or packet.is_discard:
+            continue
+        if packet.pts is None:
+            raise UnreadableError(f"{path} must say when each picture is shown, picture {len(times)} has no time; is it damaged?")
+        times.append(packet.pts)
+        durations.append(packet.duration or 0)
+        if packet.is_keyframe:
+            keys.append(packet.pts)
+        if len(times) > MOST_FRAMES:
+            raise UnreadableError(f"{path} must hold at most {MOST_FRAMES} pictures")
+    if not times:
+        raise UnreadableError(f"{path} holds no picture; is it cut short?")
+    order = np.argsort(times, kind="stable")
+    rising = np.array(times, np.int64)[order]
+    if len(rising) > 1 and (twice := np.diff(rising) <= 0).any():
+        raise UnreadableError(f"{path} must show one picture at a time, two are at pts {rising[np.argmax(twice)]}; is it damaged?")
+    spacing = int(np.median(np.diff(rising))) if len(rising) > 1 else 1
+    return rising, np.sort(np.array(keys, np.int64)), int(rising[-1]) + (durations[order[-1]] or spacing), shown
+
+
+def _check_lengths(path: Path, family: str, video: VideoStream, file: InputContainer, times: np.ndarray, end: int) -> None:
+    """What the header promises must be there."""
+    if family == "mov" and (promised := sum(entry.size > 0 for entry in video.index_entries)) > len(times):
+        discarded = sum(entry.is_discard for entry in video.index_entries)
+        if promised - discarded > len(times):
+            raise UnreadableError(f"{path} is cut short: its index promises {promised - discarded} pictures, {len(times)} are there")
+    base = float(video.time_base or 1)
+    held = (end - int(times[0])) * base
+    slack = max(0.1, 2 * float(np.diff(times).max(initial=0)) * base)
+    if video.duration is not None and video.duration * base > held + slack:
+        raise UnreadableError(f"{path} is cut short: its header promises {video.duration * base:.2f} s of video, {held:.2f} s are there")
+    if file.duration is not None:
+        others = [float(s.duration * s.time_base) for s in file.streams if s.duration and s.time_base and s.index != video.index]
+        longest = max([max(end, end - int(times[0])) * base, *others, *_ends(file, family, others)])
+        if file.duration / 1e6 > longest + max(0.5, slack):
+            raise UnreadableError(f"{path} is cut short: its header promises {file.duration / 1e6:.2f} s, {longest:.2f} s are there")
+
+
+def _ends(file: InputContainer, family: str, others: list[float]) -> list[float]:
+    """When tracks end that do not say so themselves: Matroska's only last packets tell."""
+    if family == "mov" or len(others) == len(file.streams) - 1:
+        return []
+    for stream in file.streams:
+        stream.discard = av.stream.Discard.default
+    file.seek(0)
+    ends = [0.0]
+    for packet in file.demux():
+        if packet.pts is not None and packet.time_base:
+            ends.append(float((packet.pts + (packet.duration or 0)) * packet.time_base))
+    return [max(ends)]
+
+
+def _track(stream: av.stream.Stream) -> Track:
+    kind = stream.type
+    codec = stream.codec_context.name if stream.codec_context else ""  # PyAV does not tell what data is
+    name = stream.metadata.get("handler_name") or stream.metadata.get("title") or ""
+    return Track(index=stream.index, kind=kind, codec=codec, copied=kind in ("audio", "subtitle"), name=name.strip())
+
+
+def _display_matrix(frame: VideoFrame) -> tuple[int, ...] | None:
+    data = frame.side_data.get("DISPLAYMATRIX")
+    return None if data is None else struct.unpack("=9i", bytes(data)[:36])
+
+
+def _layout(name: str) -> str | None:
+    """The planes in which a format is handed over: its own without alpha, or those that hold the same codes."""
+    plain = re.sub(r"^yuva", "yuv", re.sub(r"^gbra", "gbr", name.replace("be", "le")))
+    return plain if planar(plain) else next((to for pattern, to in _LAYOUT_OF if pattern.fullmatch(name)), None)
+
+
+def _colour(path: Path, video: VideoStream, frame: VideoFrame) -> tuple[Colour, tuple[str, ...]]:
+    stored, layout = frame.format.name, _layout(frame.format.name)
+    if layout is None or (facts := planar(layout)) is None:
+        raise UnreadableError(f"{path} stores its pixels as {stored}, which is not read; convert it to yuv422p10le first")
+    depth, subsampling, shift = facts
+    context = video.codec_context
+    h273 = (int(context.color_primaries), int(context.color_trc), int(context.colorspace), int(context.color_range))
+    rgb, assumed = layout.startswith("gbr"), set[str]()
+    matrix = Matrix.RGB if rgb else _MATRIX.get(h273[2])
+    if h273[2] in _UNSAID and not rgb:
+        assumed.add("matrix")
+        matrix = Matrix.BT709 if frame.height >= 720 else Matrix.BT601
+    if matrix is None or (matrix is Matrix.RGB) != rgb:
+        raise UnreadableError(f"{path} mixes its colours by matrix {h273[2]} of H.273, which is not read; convert it to BT.709 first")
+    transfer = _TRANSFER.get(h273[1])
+    if transfer is None:
+        assumed.add("transfer")
+    if h273[0] not in _PRIMARIES:
+        assumed.add("primaries")
+    by_format = rgb or layout.startswith("yuvj")
+    if not h273[3] and not by_format:
+        assumed.add("full_range")
+    notes: tuple[str, ...] = ()
+    if any(part.is_alpha for part in frame.format.components):
+        notes += ("its transparency is not carried over",)
+    if frame.interlaced_frame:
+        notes += ("it is tagged as interlaced; its two fields are taken as one exposure",)
+    return (
+        Colour(
+            matrix=matrix,
+            transfer=transfer or Transfer.BT709,
+            primaries=_PRIMARIES.get(h273[0], "bt709"),
+            full_range=by_format or h273[3] == _FULL,
+            depth=depth,
+            subsampling=subsampling,
+            pixel_format=layout,
+            chroma_shift=shift,
+            assumed=frozenset(assumed),
+            h273=h273,
+        ),
+        notes,
+    )
+
+
+def _planes(frame: VideoFrame, layout: str) -> tuple[np.ndarray, ...]:
+    plain = re.sub(r"^yuva", "yuv", re.sub(r"^gbra", "gbr", frame.format.name))
+    source = frame if plain == layout else frame.reformat(format=layout)
+    kind = np.dtype("<f4") if "f32" in layout else np.dtype("<u2" if source.format.components[0].bits > 8 else "u1")
+    count = 1 if layout.startswith("gray") else 3
+    planes = []
+    for plane in source.planes[:count]:
+        lines = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height]
+        planes.append(np.ascontiguousarray(lines[:, : plane.width * kind.itemsize]).view(kind))
+    return (planes[2], planes[0], planes[1]) if layout.startswith("gbr") else tuple(planes)
+
+
+def _picture(stream: Stream, frame: VideoFrame, index: int, *, damaged: bool = False) -> Picture:
+    if (frame.height, frame.width) != (stream.rows, stream.cols):
+        raise UnreadableError(
+            f"{stream.path} must keep one size, it begins with {stream.cols} x {stream.rows} and picture {index}"
+            f" is {frame.width} x {frame.height}; was it joined from several clips?"
+        )
+    if _layout(frame.format.name) != stream.colour.pixel_format:
+        raise UnreadableError(
+            f"{stream.path} must keep one pixel format, it begins with {stream.colour.pixel_format} and picture {index}"
+            f" is {frame.format.name}; was it joined from several clips?"
+        )
+    return Picture(
+        planes=_planes(frame, stream.colour.pixel_format),
+        index=index,
+        pts=int(stream.times[index]),
+        duration=stream.spacing(index),
+        time=stream.seconds(index),
+        damaged=damaged,
+    )
+
+
+class _Broken(Exception):  # noqa: N818 - not an error yet: decoding from an earlier key picture may do better
+    """Why a picture could not be decoded."""
+
+
+def _strict(stream: Stream, first: int, last: int) -> Iterator[Picture]:
+    """Raises on the first sign of damage; starts at an earlier key picture where the nearest does not lead to `first`."""
+    starts = [int(key) for key in stream.keys[stream.keys <= stream.times[first]][:-3:-1] if key > stream.times[0]] if first else []
+    for start in (*starts, None):
+        wanted = first
+        try:
+            for index, frame in _decoded(stream, start, last):
+                if index < first:
+                    continue
+                if index != wanted:
+                    raise _Broken(f"picture {wanted} is missing")
+                yield _picture(stream, frame, index)
+                wanted += 1
+                if wanted == last:
+                    return
+            raise _Broken(f"picture {wanted} is missing")
+        except _Broken as reason:
+            if wanted > first or start is None:
+                raise UnreadableError(f"{stream.path} is damaged: {reason}; --on-damage passthrough or skip goes on without") from reason
+
+
+def _decoded(stream: Stream, start: int | None, last: int) -> Iterator[tuple[int, VideoFrame]]:
+    """Index and frame from the key picture `start` on, or from the beginning; raises _Broken at any sign of damage."""
+    with _opened(stream.path, _family(stream.path)) as file:
+        video = _ready(file, stream, {"err_detect": _STRICT})
+        for packet in _packets(file, video, start):
+            near = stream.times.searchsorted(packet.pts) if packet.pts is not None else last
+            if packet.is_corrupt:
+                raise _Broken(f"the packet of picture {near} is incomplete")
+            with _watched() as log:
+                try:
+                    frames = packet.decode()
+                except av.error.FFmpegError as error:
+                    said = log[0][2].strip() if log else _said(error)
+                    raise _Broken(f"picture {near} cannot be decoded ({said})") from error
+            if log:
+                raise _Broken(f"picture {near} is not intact ({log[0][2].strip()})")
+            for frame in frames:
+                index = _index(stream, frame)
+                if frame.is_corrupt:
+                    raise _Broken(f"picture {index} is not intact")
+                if index is not None:
+                    yield index, frame
+
+
+def _ready(file: InputContainer, stream: Stream, options: dict[str, str]) -> VideoStream:
+    video = file.streams[stream.index]
+    if not isinstance(video, VideoStream):
+        raise UnreadableError(f"{stream.path} has changed since it was looked at")
+    for other in file.streams:
+        if other.index != video.index:
+            other.discard = av.stream.Discard.all
+    context = video.codec_context
+    context.thread_count = 1  # what is said of a packet is then said while it is decoded
+    context.options = options
+    return video
+
+
+def _packets(file: InputContainer, video: VideoStream, start: int | None) -> Iterator[av.Packet]:
+    """Packets from the key picture `start` on, without those shown before it, which may depend on what came earlier."""
+    if start is not None:
+        file.seek(start, stream=video)
+    reached = start is None
+    for packet in file.demux(video):
+        if start is not None and packet.size:
+            if not reached and packet.pts is not None and packet.pts > start and packet.is_keyframe:
+                raise _Broken(f"the key picture at pts {start} is not found")
+            reached = reached or packet.pts == start
+            if not reached or (packet.pts is not None and packet.pts < start):
+                continue
+        yield packet
+
+
+def _index(stream: Stream, frame: VideoFrame) -> int | None:
+    """Which picture a frame is, by its time; None where it is not to be shown."""
+    if frame.pts is None:
+        return None
+    index = int(stream.times.searchsorted(frame.pts))
+    return index if index < stream.frames and stream.times[index] == frame.pts else None
+
+
+def _lenient(stream: Stream, first: int, last: int, on_damage: OnDamage) -> Iterator[Picture]:
+    """Goes on after damage; whatever is not certain to be intact is marked, or left out."""
+    wanted, before = first, None
+    for picture in _concealed(stream, first, last):
+        if picture.index < wanted:
+            continue
+        if on_damage == "passthrough":
+            for index in range(wanted, picture.index):
+                yield _held(stream, before or picture, index)
+            yield picture
+        elif not picture.damaged:
+            yield picture
+        wanted, before = picture.index + 1, picture
+    if on_damage == "passthrough" and wanted < last:
+        if before is None:
+            raise UnreadableError(f"{stream.path} holds no picture from {first} to {last} that can be decoded")
+        for index in range(wanted, last):
+            yield _held(stream, before, index)
+
+
+def _held(stream: Stream, picture: Picture, index: int) -> Picture:
+    return replace(
+        picture, index=index, pts=int(stream.times[index]), duration=stream.spacing(index), time=stream.seconds(index), damaged=True
+    )
+
+
+def _concealed(stream: Stream, first: int, last: int) -> Iterator[Picture]:
+    """All pictures that come out, in order, from the key picture before `first` on."""
+    suspect, damaged = set[int](), False
+    starts = stream.keys[stream.keys <= stream.times[first]]
+    start = int(starts[-1]) if len(starts) and first else None
+    with _opened(stream.path, _family(stream.path)) as file:
+        video = _ready(file, stream, {"err_detect": "crccheck+bitstream", "flags": "output_corrupt"})
+        try:
+            for packet in _packets(file, video, start):
+                with _watched() as log:
+                    try:
+                        frames = packet.decode()
+                    except av.error.FFmpegError:
+                        frames, damaged = [], True
+                damaged = bool(log) or packet.is_corrupt or (damaged and not packet.is_keyframe)
+                if damaged and packet.pts is not None:
+                    suspect.add(packet.pts)
+                for frame in frames:
+                    index = _index(stream, frame)
+                    if index is not None and first <= index < last:
+                        yield _picture(stream, frame, index, damaged=frame.is_corrupt or frame.pts in suspect)
+                    suspect.discard(frame.pts or 0)
+        except _Broken as reason:
+            raise UnreadableError(f"{stream.path} is damaged: {reason}") from reason

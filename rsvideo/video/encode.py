@@ -1,0 +1,385 @@
+"""Clips written as their originals were: times, tags, sound and rotation kept, and nothing under the final name until it is verified."""
+
+import contextlib
+import errno
+import math
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import av
+import av.error
+import av.stream
+import numpy as np
+from av.container import InputContainer, OutputContainer
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+from rsvideo.config.files import UnreadableError
+from rsvideo.physics.tone import Transfer
+from rsvideo.video import colour as tint
+from rsvideo.video import decode, sequence
+from rsvideo.video.clip import Colour, Matrix, Picture, Stream, planar
+
+Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
+
+_ENCODERS = {"h264": "libx264", "hevc": "libx265", "prores": "prores_ks", "dnxhr": "dnxhd", "ffv1": "ffv1"}
+_SAME = {"h264": "h264", "hevc": "hevc", "prores": "prores", "dnxhd": "dnxhr", "ffv1": "ffv1", "png": "png", "tiff": "tiff", "exr": "exr"}
+_NAMES = {"h264": "H.264", "hevc": "HEVC", "prores": "ProRes", "dnxhr": "DNxHR", "ffv1": "FFV1"}
+_CONTAINERS = {
+    ".mp4": ("mp4", ("h264", "hevc")),
+    ".mov": ("mov", ("h264", "hevc", "prores", "dnxhr")),
+    ".mkv": ("matroska", tuple(_ENCODERS)),
+}
+_SEQUENCES = ("png", "tiff", "exr")
+_CRF = {"h264": 14.0, "hevc": 15.0}  # visually lossless
+_MILLISECOND = Fraction(1, 1000)  # Matroska's time base, as FFmpeg writes it
+_NOT_CARRIED = {"major_brand", "minor_version", "compatible_brands", "encoder", "duration"}  # what a writer says of itself
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoding:
+    """How a clip is to be written."""
+
+    codec: Codec = "same"
+    quality: float | None = None  # constant rate factor of H.264 and HEVC; None is visually lossless
+    pixel_format: str = "same"  # FFmpeg's name
+    threads: int = 2
+
+
+def chosen(path: Path, stream: Stream, encoding: Encoding) -> tuple[str, Colour, tuple[str, ...]]:
+    """The codec and the layout that `encoding` comes to for a stream, and what that changes; ValueError where it cannot be."""
+    codec, notes = encoding.codec, ()
+    if codec == "same":
+        codec = _SAME.get(stream.codec, "hevc" if stream.colour.depth > 8 else "h264")
+        if stream.codec not in _SAME:
+            notes = (f"{stream.codec} is not written; the clip is encoded as {_NAMES.get(codec, codec)}",)
+    if codec in _SEQUENCES:
+        return codec, sequence.layout(codec, stream.colour), notes
+    suffix = path.suffix.lower()
+    if suffix not in _CONTAINERS:
+        raise ValueError(f"{path} must end in .mp4, .mov or .mkv for {_NAMES[codec]}, it ends in {path.suffix!r}")
+    if codec not in _CONTAINERS[suffix][1]:
+        fitting = " or ".join(name for name, (_, codecs) in _CONTAINERS.items() if codec in codecs)
+        raise ValueError(f"{_NAMES[codec]} must be written to {fitting}, {path} ends in {path.suffix!r}")
+    target, note = _held(codec, encoding.pixel_format, stream.colour)
+    return codec, target, notes + note
+
+
+def _held(codec: str, wanted: str, colour: Colour) -> tuple[Colour, tuple[str, ...]]:
+    """The layout of a codec that holds a colour: the same, or else the least that loses nothing."""
+    layouts = _layouts(codec)
+    plain = colour.pixel_format.replace("yuvj", "yuv")
+    if wanted == "same" and plain in layouts:
+        return colour, ()
+    if wanted == "same":
+        wanted = min(
+            (name for name in layouts if _holds(name, plain)),
+            key=lambda name: (name.startswith("gbr") != plain.startswith("gbr"), planar(name)[0], sum(4 - s for s in planar(name)[2])),  # pyright: ignore[reportOptionalSubscript]
+            default="",
+        )
+    if not wanted and codec == "prores" and plain == "yuv444p12le":
+        wanted = "yuv444p10le"  # all that its encoder takes
+    if wanted.replace("yuvj", "yuv") not in layouts or (facts := planar(wanted)) is None:
+        named = (
+            f"{wanted} pixels" if wanted else f"{colour.depth} bit {colour.subsampling} {'RGB' if colour.matrix is Matrix.RGB else 'YUV'}"
+        )
+        raise ValueError(
+            f"{_NAMES[codec]} must be given a layout that it holds ({', '.join(sorted(layouts))}), not {named}; FFV1 holds all of them"
+        )
+    rgb = wanted.startswith("gbr")
+    target = replace(colour, depth=facts[0], subsampling=facts[1], chroma_shift=facts[2], pixel_format=wanted)
+    if rgb:
+        target = replace(target, matrix=Matrix.RGB, full_range=True, h273=(*colour.h273[:2], 0, 2))
+    elif colour.matrix is Matrix.RGB:
+        target = replace(target, matrix=Matrix.BT709, full_range=False, h273=(colour.h273[0], colour.h273[1], 1, 1))
+    elif wanted.startswith("yuvj"):
+        target = replace(target, full_range=True, h273=(*colour.h273[:3], 2))
+    if colour.transfer is Transfer.LINEAR and facts[0] < 16:
+        target = replace(target, transfer=Transfer.BT709, h273=(1, 1, *target.h273[2:]))
+    return target, (f"{_NAMES[codec]} stores {wanted}; the codes are converted from {colour.pixel_format}",)
+
+
+def _layouts(codec: str) -> set[str]:
+    found = {layout.name for layout in av.Codec(_ENCODERS[codec], "w").video_formats or ()}
+    if codec == "ffv1":
+        found |= {"gbrp"}  # as bgr0
+    return {name for name in found if planar(name) and not name.startswith("yuvj")}
+
+
+def _holds(larger: str, smaller: str) -> bool:
+    (depth, _, shift), (least, chroma, most) = planar(larger) or (0, "", (9, 9)), planar(smaller) or (99, "", (0, 0))
+    if larger.startswith("gray") and chroma != "4:0:0":
+        return False
+    if larger.startswith("gbr") and not smaller.startswith("gbr"):
+        return False
+    exact = depth >= min(least, 10) and depth <= 16 if smaller.startswith("gbr") and not larger.startswith("gbr") else depth >= least
+    return exact and (chroma == "4:0:0" or (shift[0] <= most[0] and shift[1] <= most[1]))
+
+
+class Writer:
+    """Writes pictures in order; on a clean exit the file is verified by decoding it and appears under its name, else nothing does.
+
+    `first` and `last` say which part of the stream is written; a part begins at time 0. `notes` tells what could not be kept.
+    """
+
+    def __init__(self, path: Path, stream: Stream, encoding: Encoding | None = None, *, first: int = 0, last: int | None = None) -> None:
+        self._path, self._stream, self._encoding = path, stream, encoding or Encoding()
+        self._first, self._last = first, stream.frames if last is None else last
+        if not 0 <= self._first < self._last <= stream.frames:
+            raise ValueError(f"the range must lie within the clip's {stream.frames} pictures, got {first} to {last}")
+        self._codec, self.colour, notes = chosen(path, stream, self._encoding)
+        self._notes = list(notes)
+        self._part = path.with_name(path.name + ".part")
+        self._shift = int(stream.times[first]) if first else 0
+        self._written = 0
+        self._stack = contextlib.ExitStack()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was not kept; complete after the exit."""
+        return tuple(self._notes)
+
+    def __enter__(self) -> Self:
+        self._remove()
+        try:
+            with _as_oserror(self._path):
+                if self._codec in _SEQUENCES:
+                    self._part.mkdir()
+                else:
+                    self._open()
+        except BaseException:
+            self._stack.close()
+            self._remove()
+            raise
+        return self
+
+    def write(self, picture: Picture) -> None:
+        """The next picture; planes in the stream's layout, or already in the writer's own `colour`."""
+        index = self._first + self._written
+        if picture.pts != self._stream.times[index]:
+            raise ValueError(f"pictures must come in order, picture {index} has pts {self._stream.times[index]}, got {picture.pts}")
+        if not _fits(picture, self.colour, self._stream):
+            picture = tint.relaid(picture, self._stream.colour, self.colour)
+        self._written += 1
+        with _as_oserror(self._path):
+            if self._codec in _SEQUENCES:
+                sequence.write(self._part, self._codec, picture, self._written, self.colour)
+            else:
+                self._mux(self._video.encode(_frame(picture, self.colour, self._video, self._stream, self._shift)))
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        try:
+            if kind is None:
+                self._finish()
+        finally:
+            with contextlib.suppress(Exception):  # what went wrong first is what is told
+                self._stack.close()
+            self._remove()
+
+    def _open(self) -> None:
+        stream, family = self._stream, _CONTAINERS[self._path.suffix.lower()][0]
+        options = {}
+        if family != "matroska":
+            options = {"movflags": "use_metadata_tags", "video_track_timescale": str(stream.time_base.denominator)}
+        self._out: OutputContainer = av.open(str(self._part), "w", format=family, container_options=options)
+        self._stack.callback(self._out.close)
+        self._base = _MILLISECOND if family == "matroska" else Fraction(1, stream.time_base.denominator)
+        if family == "matroska" and any((int(t) * stream.time_base / _MILLISECOND).denominator > 1 for t in stream.times[:1000]):
+            if (np.diff(self._expected()) <= 0).any():
+                raise ValueError(f"{self._path} must keep pictures less than a millisecond apart, Matroska cannot; write .mov")
+            self._notes.append("Matroska keeps times to the millisecond; they are rounded to that")
+        self._video = self._video_stream()
+        self._copies: dict[int, av.stream.Stream] = {}
+        self._others: Iterator[av.Packet] = iter(())
+        if not stream.files:
+            source = self._stack.enter_context(av.open(str(stream.path), "r", metadata_errors="replace"))
+            self._describe(source, family)
+            self._others = self._copied(source)
+        self._ahead = next(self._others, None)
+
+    def _video_stream(self) -> VideoStream:
+        stream, colour, codec = self._stream, self.colour, self._codec
+        video = self._out.add_stream(
+            _ENCODERS[codec], rate=stream.rate, options=_options(self._encoding, codec, colour), time_base=stream.time_base
+        )
+        assert isinstance(video, VideoStream)  # so are all encoders named above
+        context = video.codec_context
+        video.width, video.height = stream.cols, stream.rows
+        video.pix_fmt = "bgr0" if (codec, colour.pixel_format) == ("ffv1", "gbrp") else colour.pixel_format.replace("yuvj", "yuv")
+        context.thread_count = self._encoding.threads
+        context.sample_aspect_ratio = stream.sample_aspect_ratio
+        context.color_primaries, context.color_trc, context.colorspace, context.color_range = colour.h273
+        if colour.full_range and colour.matrix is not Matrix.RGB:
+            context.color_range = 2
+        if stream.display_matrix:
+            video.set_display_matrix(stream.display_matrix)
+        if codec == "hevc" and self._path.suffix.lower() != ".mkv":
+            context.codec_tag = "hvc1"  # what Apple's players know
+        return video
+
+    def _describe(self, source: InputContainer, family: str) -> None:
+        """Tags, chapters, timecode and the tracks that are copied; notes what is not."""
+        stream = self._stream
+        self._out.metadata.update({k: v for k, v in stream.metadata.items() if k not in _NOT_CARRIED})
+        self._video.metadata.update({k: v for k, v in stream.tags.items() if k not in _NOT_CARRIED})
+        if stream.timecode:
+            self._video.metadata["timecode"] = stream.timecode
+        if stream.created:
+            self._out.metadata["creation_time"] = stream.created
+        if (chapters := source.chapters()) and (self._first, self._last) == (0, stream.frames):
+            self._out.set_chapters(chapters)
+        elif chapters:
+            self._notes.append("chapters are kept for whole clips only")
+        for track in stream.tracks:
+            named = f"track {track.index} ({', '.join(word for word in (track.kind, track.codec, track.name) if word)})"
+            if not track.copied:
+                if not (stream.timecode and ("TCD" in track.name or "TimeCode" in track.name)):
+                    self._notes.append(f"{named} is not carried over")
+                continue
+            theirs = source.streams[track.index]
+            try:
+                copy = self._out.add_stream_from_template(theirs)
+            except (ValueError, av.error.FFmpegError):
+                self._notes.append(f"{named} is not carried over; {family} does not hold it")
+                continue
+            copy.metadata.update({k: v for k, v in theirs.metadata.items() if k not in _NOT_CARRIED | {"timecode"}})
+            copy.disposition = theirs.disposition
+            self._copies[track.index] = copy
+
+    def _copied(self, source: InputContainer) -> Iterator[av.Packet]:
+        """Packets of the tracks that are copied, as they stand; of a part, those that begin within it."""
+        for track in source.streams:
+            if track.index not in self._copies:
+                track.discard = av.stream.Discard.all
+        stream = self._stream
+        begin = int(stream.times[self._first]) * stream.time_base
+        end = (int(stream.times[self._last]) if self._last < stream.frames else stream.end) * stream.time_base
+        part = (self._first, self._last) != (0, stream.frames)
+        for packet in source.demux([source.streams[i] for i in self._copies]) if self._copies else ():
+            if not packet.size or packet.time_base is None:
+                continue
+            if part:
+                at = (packet.pts if packet.pts is not None else packet.dts or 0) * packet.time_base
+                if not begin <= at < end:
+                    continue
+                moved = round(self._shift * stream.time_base / packet.time_base)
+                packet.pts = None if packet.pts is None else packet.pts - moved
+                packet.dts = None if packet.dts is None else packet.dts - moved
+            packet.stream = self._copies[packet.stream_index]
+            yield packet
+
+    def _mux(self, packets: list[av.Packet]) -> None:
+        for packet in packets:
+            now = (packet.dts or 0) * packet.time_base
+            while self._ahead is not None and (self._ahead.dts or 0) * self._ahead.time_base <= now:
+                self._out.mux_one(self._ahead)
+                self._ahead = next(self._others, None)
+            if not packet.duration:
+                index = int(self._stream.times.searchsorted((packet.pts or 0) + self._shift))
+                packet.duration = self._stream.spacing(min(index, self._stream.frames - 1))
+            self._out.mux_one(packet)
+
+    def _finish(self) -> None:
+        if self._written != self._last - self._first:
+            raise ValueError(f"{self._path} must hold {self._last - self._first} pictures, {self._written} were written")
+        with _as_oserror(self._path):
+            if self._codec not in _SEQUENCES:
+                self._mux(self._video.encode(None))
+                while self._ahead is not None:
+                    self._out.mux_one(self._ahead)
+                    self._ahead = next(self._others, None)
+                self._out.close()
+                self._stack.close()
+                self._verify()
+                with self._part.open("rb+") as file:
+                    os.fsync(file.fileno())
+            if self._path.is_dir():
+                shutil.rmtree(self._path)
+            self._part.replace(self._path)
+
+    def _expected(self) -> np.ndarray:
+        """The pts that the file must show, in its own time base."""
+        stream = self._stream
+        exact = [(int(t) - self._shift) * stream.time_base / self._base for t in stream.times[self._first : self._last]]
+        return np.array(
+            [math.floor(abs(t) + Fraction(1, 2)) * (1 if t >= 0 else -1) for t in exact]
+        )  # halves go outwards, as FFmpeg has it
+
+    def _verify(self) -> None:
+        """The written file decodes to as many pictures, at the times that were asked for."""
+        try:
+            written = decode.probe(self._part)
+            found = [picture.pts * written.time_base / self._base for picture in decode.pictures(written)]
+        except UnreadableError as error:
+            raise OSError(errno.EIO, f"it does not read back: {error}", str(self._path)) from error
+        expected = self._expected()
+        if len(found) != len(expected) or any(a != b for a, b in zip(found, expected, strict=True)):
+            at = next((k for k, (a, b) in enumerate(zip(found, expected, strict=False)) if a != b), min(len(found), len(expected)))
+            raise OSError(errno.EIO, f"{len(expected)} pictures were written, {len(found)} read back; picture {at} is off", str(self._path))
+
+    def _remove(self) -> None:
+        with contextlib.suppress(OSError):
+            shutil.rmtree(self._part) if self._part.is_dir() else self._part.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _as_oserror(path: Path) -> Iterator[None]:
+    """FFmpeg's errors as the system's, with the name of the file."""
+    try:
+        yield
+    except av.error.FFmpegError as error:
+        number = error.errno if error.errno and error.errno < 1000 else errno.EIO  # FFmpeg has numbers of its own
+        raise OSError(number, error.strerror, str(path)) from error
+
+
+def _options(encoding: Encoding, codec: str, colour: Colour) -> dict[str, str]:
+    crf = f"{_CRF.get(codec, 0.0) if encoding.quality is None else encoding.quality:g}"
+    match codec:
+        case "h264":
+            return {"crf": crf, "preset": "medium"}
+        case "hevc":
+            return {"crf": crf, "preset": "medium", "x265-params": f"log-level=error:pools={encoding.threads}"}
+        case "prores":
+            return {"profile": "hq" if colour.subsampling == "4:2:2" else "4444", "vendor": "apl0"}
+        case "dnxhr":
+            profiles = {("4:2:2", 8): "dnxhr_hq", ("4:2:2", 10): "dnxhr_hqx"}
+            return {"profile": profiles.get((colour.subsampling, colour.depth), "dnxhr_444")}
+        case _:
+            return {"level": "3", "slicecrc": "1", "g": "1", "strict": "experimental"}
+
+
+def _fits(picture: Picture, colour: Colour, stream: Stream) -> bool:
+    """Whether the planes have the layout of `colour`; same-shaped ones of the source do where the layouts agree."""
+    if colour.pixel_format == stream.colour.pixel_format and colour.transfer is stream.colour.transfer:
+        return True
+    rows, cols = picture.planes[0].shape
+    down, across = colour.chroma_shift
+    chroma = (-(-rows // (1 << down)), -(-cols // (1 << across)))
+    shapes = [(rows, cols)] if colour.subsampling == "4:0:0" else [(rows, cols), chroma, chroma]
+    kind = np.float32 if colour.floating else np.uint8 if colour.depth <= 8 else np.uint16
+    source = stream.colour
+    alike = (source.depth > 8) == (colour.depth > 8) and source.subsampling == colour.subsampling
+    return not alike and [plane.shape for plane in picture.planes] == shapes and picture.planes[0].dtype == kind
+
+
+def _frame(picture: Picture, colour: Colour, video: VideoStream, stream: Stream, shift: int) -> VideoFrame:
+    layout = colour.pixel_format.replace("yuvj", "yuv")
+    frame = VideoFrame(stream.cols, stream.rows, layout)
+    planes = picture.planes
+    ordered = (planes[1], planes[2], planes[0]) if layout.startswith("gbr") else planes
+    for target, plane in zip(frame.planes, ordered, strict=True):
+        lines = np.frombuffer(memoryview(target), np.uint8).reshape(-1, target.line_size)
+        data = np.ascontiguousarray(plane).view(np.uint8)
+        lines[: data.shape[0], : data.shape[1]] = data
+    if video.pix_fmt != layout:
+        frame = frame.reformat(format=video.pix_fmt)
+    frame.color_primaries, frame.color_trc, frame.colorspace = colour.h273[:3]
+    frame.color_range = video.codec_context.color_range
+    frame.pts, frame.time_base, frame.duration = picture.pts - shift, stream.time_base, picture.duration
+    return frame
