@@ -1,0 +1,147 @@
+"""What makers embed beside the picture (GoPro's GPMF), read by telemetry-parser in a process of its own, with limits."""
+
+import contextlib
+import importlib
+import importlib.util
+import json
+import math
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+SECONDS = 30  # of the processor's time and of the clock
+MEMORY = 4 << 30  # bytes
+_MOST_BYTES = 64_000  # of the answer
+_LONGEST = 80  # characters of a name
+_READOUT, _STABILISED = "0x53524f54", "0x45495341"  # GPMF's SROT in ms, and EISA
+
+
+@dataclass(frozen=True, kw_only=True)
+class Telemetry:
+    """What was found; None where the camera did not say."""
+
+    make: str | None = None
+    model: str | None = None
+    exposure: tuple[float, float, float] | None = None  # seconds: least, median, most
+    iso: float | None = None  # median
+    readout: float | None = None  # seconds
+    stabilised: bool = False  # by the camera itself
+
+
+class UnavailableError(Exception):
+    """Nothing could be read, and why."""
+
+
+def available() -> bool:
+    """Whether the reader is installed."""
+    return importlib.util.find_spec("telemetry_parser") is not None
+
+
+def read(path: Path) -> Telemetry:
+    """What a clip's maker embedded; nothing where none of it is understood."""
+    if not available():
+        raise UnavailableError("telemetry-parser is not installed; pip install 'rsvideo[gyro]' brings it")
+    with tempfile.TemporaryFile() as answer:
+        try:
+            done = subprocess.run(
+                [sys.executable, "-P", "-m", __name__, str(path.absolute())],
+                stdin=subprocess.DEVNULL,
+                stdout=answer,
+                stderr=subprocess.DEVNULL,
+                timeout=SECONDS,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise UnavailableError(f"reading it took more than {SECONDS} s") from error
+        answer.seek(0)
+        text = answer.read(_MOST_BYTES)
+    with contextlib.suppress(ValueError):
+        if not done.returncode and isinstance(found := json.loads(text), dict):
+            return _checked(found)
+    return Telemetry()
+
+
+def _checked(found: Mapping[str, Any]) -> Telemetry:
+    """The answer of another process, trusted in nothing."""
+    exposure = found.get("exposure")
+    spread = [_positive(value) for value in exposure] if isinstance(exposure, list) and len(exposure) == 3 else []
+    least, median, most = spread or (None, None, None)
+    readout = _positive(found.get("readout_ms"))
+    return Telemetry(
+        make=_word(found.get("make")),
+        model=_word(found.get("model")),
+        exposure=(least, median, most) if least and median and most else None,
+        iso=_positive(found.get("iso")),
+        readout=readout * 1e-3 if readout else None,
+        stabilised=found.get("stabilised") is True,
+    )
+
+
+def _positive(value: object) -> float | None:
+    return float(value) if isinstance(value, int | float) and 0 < value < 1e9 else None
+
+
+def _word(value: object) -> str | None:
+    text = value.strip()[:_LONGEST] if isinstance(value, str) else ""
+    return text if text.isprintable() and text else None
+
+
+def _gathered(samples: Iterable[Mapping[str, Mapping[str, Any]]]) -> dict[str, Any]:
+    """What matters of all samples of a clip."""
+    exposures: list[float] = []
+    gains: list[float] = []
+    found: dict[str, Any] = {}
+    for groups in samples:
+        general, exposure = groups.get("Default", {}), groups.get("Exposure", {})
+        if exposure.get("Unit") == "s":
+            exposures += _numbers(exposure.get("Data"))
+        gains += _numbers(groups.get("SensorISO", {}).get("Data"))
+        if _READOUT in general:
+            found["readout_ms"] = general[_READOUT]
+        if isinstance(mode := general.get(_STABILISED), str) and mode.strip().upper() not in ("", "N", "N/A"):
+            found["stabilised"] = True
+    if exposures:
+        found["exposure"] = [min(exposures), statistics.median(exposures), max(exposures)]
+    if gains:
+        found["iso"] = statistics.median(gains)
+    return found
+
+
+def _numbers(values: object) -> list[float]:
+    return [value for value in values if isinstance(value, int | float) and math.isfinite(value)] if isinstance(values, list) else []
+
+
+def _limit() -> None:
+    with contextlib.suppress(ImportError, ValueError, OSError):  # there is no such module on Windows
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (_MOST_BYTES, _MOST_BYTES))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _answer(path: str) -> None:
+    """The other process: read, and write what was found on standard output."""
+    answer = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)  # the parser's own remarks
+    _limit()
+    parser: Any = importlib.import_module("telemetry_parser")  # compiled, and without types
+
+    with tempfile.TemporaryDirectory() as alone:  # away from logs beside the clip, which the parser would take for the clip's own
+        link = Path(alone) / f"clip{Path(path).suffix}"
+        link.symlink_to(path)
+        clip = parser.Parser(str(link))
+        found = {"make": clip.camera, "model": clip.model, **_gathered(clip.telemetry())}
+    os.write(answer, json.dumps(found).encode())
+
+
+if __name__ == "__main__":
+    _answer(sys.argv[1])
