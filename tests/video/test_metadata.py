@@ -8,6 +8,7 @@ import av
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 
 from rsvideo.config import gcsv
 from rsvideo.config.said import Said
@@ -164,7 +165,7 @@ def test_a_reader_that_takes_too_long_is_ended(tmp_path: Path, monkeypatch: pyte
 def test_a_sequence_says_what_its_first_files_exif_says(tmp_path: Path) -> None:
     record = Image.Exif()
     record[272] = "EOS R5"
-    record[0x8769] = {33434: 0.02, 41989: 35}
+    record[0x8769] = {33434: IFDRational(1, 50), 41989: 35}
     Image.new("RGB", (64, 48)).save(tmp_path / "0001.jpg", exif=record)
     facts = metadata.shot(replace(clip(tmp_path, APPLE), files=(tmp_path / "0001.jpg",)))
     assert facts.exposure == Said(value=0.02, source="EXIF of 0001.jpg")
