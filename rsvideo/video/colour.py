@@ -56,9 +56,11 @@ def encoded(pixels: Light, picture: Picture, target: Colour) -> Picture:
 def relaid(picture: Picture, colour: Colour, target: Colour) -> Picture:
     """The same picture in another depth, range or chroma layout; through light only where the curve or the matrix differs."""
     grey = colour.subsampling == "4:0:0"
-    if colour.floating or target.floating or colour.transfer is not target.transfer or (colour.matrix is not target.matrix and not grey):
-        pixels = light(picture, colour)[0]
-        return encoded(pixels * np.float32(_full_light(colour) / _full_light(target)), picture, target)
+    if colour.floating or target.floating or colour.transfer is not target.transfer:
+        pixels = np.stack(picture.planes, axis=-1) if colour.floating else light(picture, colour)[0] * np.float32(_full_light(colour))
+        return encoded(pixels / np.float32(_full_light(target)), picture, target)
+    if colour.matrix is not target.matrix and not grey:
+        return replace(picture, planes=_stored(_mixed(_primed(picture, colour), target), target))
     mixed = [_nominal(plane, k, colour) for k, plane in enumerate(picture.planes)]
     if grey and target.subsampling != "4:0:0":
         mixed = [mixed[0], *([mixed[0]] * 2 if target.matrix is Matrix.RGB else [np.zeros_like(mixed[0])] * 2)]
@@ -156,6 +158,8 @@ def _highest(colour: Colour) -> float:
 
 def _full_light(colour: Colour) -> float:
     """The light of `_highest`, where that of code 1 is 1."""
+    if colour.floating:
+        return 1.0
     gain, lift = _scale(colour)
     return float(tone.decode(colour.transfer, np.array([gain * _highest(colour) + lift], np.float32))[0])
 

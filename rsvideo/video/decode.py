@@ -11,7 +11,6 @@ from typing import BinaryIO, Literal
 
 import av
 import av.error
-import av.logging
 import av.stream
 import numpy as np
 from av.container import InputContainer
@@ -22,7 +21,8 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import sequence
 from rsvideo.video.clip import Colour, Matrix, Picture, Stream, Track, planar
-from rsvideo.video.codes import check_pixels
+from rsvideo.video.codes import MOST_PIXELS, check_pixels
+from rsvideo.video.ffmpeg import arrays, watched
 
 OnDamage = Literal["fail", "passthrough", "skip"]
 
@@ -76,7 +76,7 @@ def probe(path: Path, rate: Fraction | None = None) -> Stream:
         return sequence.probe(path, rate)
     family = _family(path)
     try:
-        with _watched() as log, _opened(path, family) as file:
+        with watched() as log, _opened(path, family) as file:
             return _probed(path, family, file, log)
     except av.error.FFmpegError as error:
         raise UnreadableError(f"{path} cannot be read: {_said(error)}; is it damaged or cut short?") from error
@@ -167,20 +167,6 @@ def _vint(first: int) -> int:
     return 9 - first.bit_length() if first else 9
 
 
-@contextlib.contextmanager
-def _watched() -> Iterator[list[tuple[int, str, str]]]:
-    """What FFmpeg says meanwhile, errors only."""
-    before, repeated = av.logging.get_level(), av.logging.get_skip_repeated()
-    av.logging.set_level(av.logging.ERROR)
-    av.logging.set_skip_repeated(False)
-    try:
-        with av.logging.Capture() as log:
-            yield log
-    finally:
-        av.logging.set_level(before)
-        av.logging.set_skip_repeated(repeated)
-
-
 def _opened(path: Path, family: str) -> InputContainer:
     return av.open(str(path), "r", format=family, metadata_errors="replace")
 
@@ -190,7 +176,7 @@ def _said(error: av.error.FFmpegError) -> str:
     return (error.strerror or type(error).__name__).lower()
 
 
-def _probed(path: Path, family: str, file: InputContainer, log: list[tuple[int, str, str]]) -> Stream:
+def _probed(path: Path, family: str, file: InputContainer, log: list[str]) -> Stream:
     videos = [stream for stream in file.streams.video if not stream.disposition & av.stream.Disposition.attached_pic]
     if not videos:
         kinds = sorted({stream.type for stream in file.streams})
@@ -200,7 +186,7 @@ def _probed(path: Path, family: str, file: InputContainer, log: list[tuple[int, 
     times, keys, end, shown = _scan(path, video, file)
     _check_lengths(path, family, video, file, times, end)
     if shown is None:
-        said = f" ({log[0][2].strip()})" if log else ""
+        said = f" ({log[0]})" if log else ""
         raise UnreadableError(f"{path} holds no picture that can be decoded{said}; is it damaged?")
     colour, notes = _colour(path, video, shown)
     matrix = _display_matrix(shown)
@@ -234,6 +220,7 @@ def _probed(path: Path, family: str, file: InputContainer, log: list[tuple[int, 
 def _scan(path: Path, video: VideoStream, file: InputContainer) -> tuple[np.ndarray, np.ndarray, int, VideoFrame | None]:
     """The pts of all pictures and of the key pictures, when the last ends, and the first picture that can be decoded."""
     video.codec_context.thread_count = 1
+    video.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
     for other in file.streams:
         if other.index != video.index:
             other.discard = av.stream.Discard.all
@@ -364,11 +351,8 @@ def _planes(frame: VideoFrame, layout: str) -> tuple[np.ndarray, ...]:
     source = frame if plain == layout else frame.reformat(format=layout)
     kind = np.dtype("<f4") if "f32" in layout else np.dtype("<u2" if source.format.components[0].bits > 8 else "u1")
     count = 1 if layout.startswith("gray") else 3
-    planes = []
-    for plane in source.planes[:count]:
-        lines = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height]
-        planes.append(np.ascontiguousarray(lines[:, : plane.width * kind.itemsize]).view(kind))
-    return (planes[2], planes[0], planes[1]) if layout.startswith("gbr") else tuple(planes)
+    planes = arrays(source, kind, count)
+    return (planes[2], planes[0], planes[1]) if layout.startswith("gbr") else planes
 
 
 def _picture(stream: Stream, frame: VideoFrame, index: int, *, damaged: bool = False) -> Picture:
@@ -425,14 +409,14 @@ def _decoded(stream: Stream, start: int | None, last: int) -> Iterator[tuple[int
             near = stream.times.searchsorted(packet.pts) if packet.pts is not None else last
             if packet.is_corrupt:
                 raise _Broken(f"the packet of picture {near} is incomplete")
-            with _watched() as log:
+            with watched() as log:
                 try:
                     frames = packet.decode()
                 except av.error.FFmpegError as error:
-                    said = log[0][2].strip() if log else _said(error)
+                    said = log[0] if log else _said(error)
                     raise _Broken(f"picture {near} cannot be decoded ({said})") from error
             if log:
-                raise _Broken(f"picture {near} is not intact ({log[0][2].strip()})")
+                raise _Broken(f"picture {near} is not intact ({log[0]})")
             for frame in frames:
                 index = _index(stream, frame)
                 if frame.is_corrupt:
@@ -450,7 +434,7 @@ def _ready(file: InputContainer, stream: Stream, options: dict[str, str]) -> Vid
             other.discard = av.stream.Discard.all
     context = video.codec_context
     context.thread_count = 1  # what is said of a packet is then said while it is decoded
-    context.options = options
+    context.options = options | {"max_pixels": str(MOST_PIXELS)}
     return video
 
 
@@ -512,7 +496,7 @@ def _concealed(stream: Stream, first: int, last: int) -> Iterator[Picture]:
         video = _ready(file, stream, {"err_detect": "crccheck+bitstream", "flags": "output_corrupt"})
         try:
             for packet in _packets(file, video, start):
-                with _watched() as log:
+                with watched() as log:
                     try:
                         frames = packet.decode()
                     except av.error.FFmpegError:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
 import av
 import av.error
@@ -25,6 +25,7 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.video import colour as tint
 from rsvideo.video import decode, sequence
 from rsvideo.video.clip import Colour, Matrix, Picture, Stream, planar
+from rsvideo.video.ffmpeg import fill
 
 Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
 
@@ -60,7 +61,12 @@ def chosen(path: Path, stream: Stream, encoding: Encoding) -> tuple[str, Colour,
         if stream.codec not in _SAME:
             notes = (f"{stream.codec} is not written; the clip is encoded as {_NAMES.get(codec, codec)}",)
     if codec in _SEQUENCES:
-        return codec, sequence.layout(codec, stream.colour), notes
+        target = sequence.layout(codec, stream.colour)
+        if not stream.colour.full_range and codec != "exr":
+            notes += ("codes above white are clipped: such a picture holds none",)
+        if stream.variable or stream.tracks:
+            notes += ("a sequence of pictures holds neither their times nor other tracks",)
+        return codec, target, notes
     suffix = path.suffix.lower()
     if suffix not in _CONTAINERS:
         raise ValueError(f"{path} must end in .mp4, .mov or .mkv for {_NAMES[codec]}, it ends in {path.suffix!r}")
@@ -138,6 +144,7 @@ class Writer:
         self._part = path.with_name(path.name + ".part")
         self._shift = int(stream.times[first]) if first else 0
         self._written = 0
+        self._base = 1 / stream.rate  # seconds a step of the written file's times
         self._stack = contextlib.ExitStack()
 
     @property
@@ -145,7 +152,7 @@ class Writer:
         """What was not kept; complete after the exit."""
         return tuple(self._notes)
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Writer":
         self._remove()
         try:
             with _as_oserror(self._path):
@@ -169,7 +176,8 @@ class Writer:
         self._written += 1
         with _as_oserror(self._path):
             if self._codec in _SEQUENCES:
-                sequence.write(self._part, self._codec, picture, self._written, self.colour)
+                files = self._stream.files
+                sequence.write(self._part, files[index].stem if files else f"{self._path.name}_{index:06d}", self._codec, picture)
             else:
                 self._mux(self._video.encode(_frame(picture, self.colour, self._video, self._stream, self._shift)))
 
@@ -296,16 +304,21 @@ class Writer:
                     self._ahead = next(self._others, None)
                 self._out.close()
                 self._stack.close()
-                self._verify()
+            self._verify()
+            if self._part.is_file():
                 with self._part.open("rb+") as file:
                     os.fsync(file.fileno())
             if self._path.is_dir():
-                shutil.rmtree(self._path)
-            self._part.replace(self._path)
+                for file in sorted(self._part.iterdir()):
+                    file.replace(self._path / file.name)
+            else:
+                self._part.replace(self._path)
 
     def _expected(self) -> np.ndarray:
-        """The pts that the file must show, in its own time base."""
+        """The pts that the file must show, in its own time base; a sequence counts."""
         stream = self._stream
+        if self._codec in _SEQUENCES:
+            return np.arange(self._last - self._first)
         exact = [(int(t) - self._shift) * stream.time_base / self._base for t in stream.times[self._first : self._last]]
         return np.array(
             [math.floor(abs(t) + Fraction(1, 2)) * (1 if t >= 0 else -1) for t in exact]
@@ -314,7 +327,7 @@ class Writer:
     def _verify(self) -> None:
         """The written file decodes to as many pictures, at the times that were asked for."""
         try:
-            written = decode.probe(self._part)
+            written = decode.probe(self._part, self._stream.rate)
             found = [picture.pts * written.time_base / self._base for picture in decode.pictures(written)]
         except UnreadableError as error:
             raise OSError(errno.EIO, f"it does not read back: {error}", str(self._path)) from error
@@ -373,10 +386,7 @@ def _frame(picture: Picture, colour: Colour, video: VideoStream, stream: Stream,
     frame = VideoFrame(stream.cols, stream.rows, layout)
     planes = picture.planes
     ordered = (planes[1], planes[2], planes[0]) if layout.startswith("gbr") else planes
-    for target, plane in zip(frame.planes, ordered, strict=True):
-        lines = np.frombuffer(memoryview(target), np.uint8).reshape(-1, target.line_size)
-        data = np.ascontiguousarray(plane).view(np.uint8)
-        lines[: data.shape[0], : data.shape[1]] = data
+    fill(frame, ordered)
     if video.pix_fmt != layout:
         frame = frame.reformat(format=video.pix_fmt)
     frame.color_primaries, frame.color_trc, frame.colorspace = colour.h273[:3]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import av
 import numpy as np
+import tifffile
 from av.audio.frame import AudioFrame
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
@@ -101,3 +102,21 @@ def packets(path: Path, kind: str) -> list[tuple[Fraction, bytes]]:
         tracks = [track for track in file.streams if track.type == kind]
         found = [packet for packet in file.demux(tracks) if packet.size] if tracks else []
         return [((packet.pts or 0) * packet.time_base, bytes(packet)) for packet in found]
+
+
+def raw(path: Path, *, neutral: tuple[float, float, float] = (0.5, 1.0, 0.7), rows: int = ROWS, cols: int = COLS, seed: int = 0) -> Path:
+    """A DNG of 12 bits with a Bayer pattern, whose camera says that `neutral` is grey; CinemaDNG's 24000/1001 a second."""
+    cells = (1000 + 1000 * np.random.default_rng(seed).random((rows, cols))).astype(np.uint16)
+    tags = [
+        (33421, 3, 2, (2, 2), True),  # CFARepeatPatternDim
+        (33422, 1, 4, (0, 1, 1, 2), True),  # CFAPattern: red, green, green, blue
+        (50706, 1, 4, (1, 4, 0, 0), True),  # DNGVersion
+        (50708, 2, 0, "Some Camera", True),  # UniqueCameraModel
+        (50714, 4, 1, 64, True),  # BlackLevel
+        (50717, 4, 1, 4095, True),  # WhiteLevel
+        (50721, 10, 9, (1, 1, 0, 1, 0, 1, 0, 1, 1, 1, 0, 1, 0, 1, 0, 1, 1, 1), True),  # ColorMatrix1
+        (50728, 5, 3, tuple(n for value in neutral for n in (round(1000 * value), 1000)), True),  # AsShotNeutral
+        (51044, 10, 1, (24000, 1001), True),  # FrameRate
+    ]
+    tifffile.imwrite(path, cells, photometric="cfa", compression=None, extratags=tags)
+    return path
