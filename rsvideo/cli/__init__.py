@@ -11,12 +11,17 @@ import typer
 
 from rsvideo.cli.deblur import deblur
 from rsvideo.cli.plot import plot
+from rsvideo.cli.run import run
 from rsvideo.cli.simulate import simulate
+from rsvideo.cli.validate import schema, validate
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
 app.command()(deblur)
 app.command()(plot)
+app.command()(run)
+app.command()(schema)
 app.command()(simulate)
+app.command()(validate)
 
 
 def _version(wanted: bool) -> bool:

@@ -1,0 +1,39 @@
+"""What tells one file's content from another's, and one request from another."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+WHOLE = 64_000_000  # bytes; of larger files, and in folders, the size, the time of the last change and both ends are taken
+_END = 4_000_000
+_END_IN_FOLDER = 64_000
+
+
+def of_file(path: Path) -> str:
+    """SHA-256 of all bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def of_source(path: Path) -> str:
+    """Changes when a clip, or any picture in a folder, does."""
+    if path.is_dir():
+        ends = [[each.name, _ends(each, _END_IN_FOLDER)] for each in sorted(path.iterdir()) if each.is_file()]
+        return of_values({"folder": ends})
+    return of_file(path) if path.stat().st_size <= WHOLE else _ends(path, _END)
+
+
+def of_values(values: Mapping[str, Any]) -> str:
+    """SHA-256 of plain values under their names."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def _ends(path: Path, length: int) -> str:
+    stat = path.stat()
+    with path.open("rb") as file:
+        head = file.read(length)
+        file.seek(max(0, stat.st_size - length))
+        tail = file.read(length)
+    return hashlib.sha256(head + tail + f"{stat.st_size} {stat.st_mtime_ns}".encode()).hexdigest()

@@ -1,0 +1,193 @@
+"""rsvideo run: a file that lists clips and settings in, restored clips out."""
+
+import contextlib
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from typer import Option
+
+from rsvideo.cli.validate import Sets, refusing
+
+if TYPE_CHECKING:
+    from rsvideo.batch.ledger import Ledger
+    from rsvideo.batch.plan import Batch
+    from rsvideo.batch.run import Result
+
+WORSE = 5  # an exit code: done, but with more failed frames than allowed
+
+
+def run(
+    path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips, how they are treated, and where the results go.")],
+    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Worker processes; each may need 2 GB.")] = 1,
+    sets: Sets = None,
+    dry_run: Annotated[bool, Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
+    resume: Annotated[bool, Option("--resume/--fresh", help="Go on where an earlier run ended, or forget it.")] = True,
+    progress: Annotated[
+        Literal["auto", "jsonl", "none"], Option(help="jsonl: one JSON object a line on standard output, the last one the result.")
+    ] = "auto",
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace results that exist.")] = False,
+    json: Annotated[bool, Option("--json", help="Print the plan, or the result, as JSON on standard output.")] = False,
+) -> int:
+    """Restore the clips that a job's file lists.
+
+    What is done is kept beside the results until all is: the same command goes on after an interruption.
+
+    Exit codes: 0 all done; 1 a clip failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
+    5 done, but more frames failed than report.most_failed_frames.
+    """
+    with refusing():
+        from rsvideo.batch import ledger, plan
+
+        batch = plan.read(path, sets or (), overwrite=overwrite)
+    try:
+        with _made(batch.folder):
+            if dry_run and not batch.working.exists():
+                return _print_plan(batch, lambda _: False, json=json)
+            with ledger.opened(batch.working, fresh=not resume and not dry_run) as (book, notes):
+                if dry_run:
+                    return _print_plan(batch, book.ours, json=json)
+                _note(notes)
+                return _carry_out(batch, book, jobs=jobs, progress=progress, json=json)
+    except ledger.BusyError as error:
+        _say(str(error))
+        return 1
+
+
+def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["auto", "jsonl", "none"], json: bool) -> int:
+    from rsvideo.batch import plan, workers
+    from rsvideo.batch.run import carry_out
+    from rsvideo.cli import batch_progress, quiet
+    from rsvideo.cli.ending import Code, Stopped
+
+    with refusing(), quiet.c_libraries():
+        clips = plan.settled(batch, book.ours)
+    for clip in clips:
+        if isinstance(clip, plan.Planned):
+            _note(f"{clip.job.source}: {note}" for note in clip.notes)
+    try:
+        with batch_progress.shown(progress) as show, workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
+            results = carry_out(clips, book, crew, show)
+    except Stopped as error:
+        _say(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
+        return 128 + error.number
+    except OSError as error:
+        _say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
+        return Code.FAILED
+    code = _code(results, batch.most_failed_frames)
+    if json or progress == "jsonl":
+        _print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
+    _print_table(results)
+    if code == WORSE:
+        _say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.most_failed_frames}")
+    if faults := sum(result.fault is not None for result in results):
+        _say(f"{faults} of {_some(len(results), 'clip')} failed; {_kept(book)}")
+    else:
+        book.remove()
+    return code
+
+
+def _code(results: "Sequence[Result]", most_failed_frames: int) -> int:
+    from rsvideo.cli.ending import Code
+
+    if faults := [result for result in results if result.fault is not None]:
+        return Code.UNREADABLE if all(fault.unreadable for fault in faults) else Code.FAILED
+    return WORSE if any(result.failed > most_failed_frames for result in results) else Code.DONE
+
+
+@contextlib.contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """The folder of the results; it goes again if nothing came of it."""
+    from rsvideo.cli.ending import RefusedError
+
+    there = folder.is_dir()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise RefusedError(f"the folder {folder} of the results must be writable: {error.strerror}; is output.folder right?") from error
+    try:
+        yield
+    finally:
+        if not there:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def _print_plan(batch: "Batch", ours: Callable[[str], bool], *, json: bool) -> int:
+    from rsvideo.batch import plan
+    from rsvideo.cli import quiet
+    from rsvideo.cli.batch_progress import span
+    from rsvideo.cli.ending import Code
+
+    with refusing(), quiet.c_libraries():
+        clips = plan.settled(batch, ours)
+        chunks = [plan.chunks(clip) if isinstance(clip, plan.Planned) else () for clip in clips]
+    planned = [clip for clip in clips if isinstance(clip, plan.Planned)]
+    if json:
+        told = [clip.told(cuts) if isinstance(clip, plan.Planned) else vars(clip) for clip, cuts in zip(clips, chunks, strict=True)]
+        _print_json({"clips": told})
+    else:
+        for clip, cuts in zip(clips, chunks, strict=True):
+            if isinstance(clip, plan.Unreadable):
+                print(f"{clip.source} -> nothing: {clip.fault}")
+                continue
+            timing = clip.timing
+            shutter = f"exposure {1e3 * timing.exposure:.4g} ms, readout {1e3 * timing.readout:.4g} ms {timing.direction}"
+            print(f"{clip.job.source} -> {clip.job.output}")
+            print(f"  {clip.frames} frames of {clip.cols} x {clip.rows}, in chunks {', '.join(f'{cut.first}-{cut.last}' for cut in cuts)}")
+            print(f"  {shutter} ({clip.timing_source})")
+            print(f"  about {span(clip.seconds)} of one worker, {clip.bytes / 1e9:.2g} GB of disk while it lasts")
+            print("".join(f"  note: {note}\n" for note in clip.notes), end="")
+        seconds, size = sum(clip.seconds for clip in planned), sum(clip.bytes for clip in planned)
+        free = shutil.disk_usage(batch.folder).free
+        print(f"in all about {span(seconds)} of one worker, {size / 1e9:.2g} GB of disk; {free / 1e9:.2g} GB are free")
+    return Code.DONE if len(planned) == len(clips) else Code.UNREADABLE
+
+
+def _print_table(results: "Sequence[Result]") -> None:
+    rows = [("clip", "restored", "left", "failed", "seconds", "output")]
+    for result in results:
+        if result.fault is None:
+            counts = str(result.restored), str(result.left), str(result.failed), f"{result.seconds:.1f}"
+            rows.append((result.source, *counts, result.output))
+        else:
+            rows.append((result.source, "-", "-", "-", "-", result.fault))
+    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    for clip, *counts, output in rows:
+        cells = [clip.ljust(widths[0]), *(count.rjust(width) for count, width in zip(counts, widths[1:], strict=True)), output]
+        print("  ".join(cells), file=sys.stderr)
+    for result in results:
+        _note(f"{result.source}: {note}" for note in result.notes)
+
+
+def _kept(book: "Ledger") -> str:
+    try:
+        clips, chunks = book.counts()
+    except OSError:
+        return "what was done before is kept, the same command goes on from there"
+    return f"{_some(clips, 'clip')} and {_some(chunks, 'chunk')} of others are kept, the same command goes on from there"
+
+
+def _some(number: int, thing: str) -> str:
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def _note(notes: Iterable[str]) -> None:
+    for note in notes:
+        _say(f"note: {note}")
+
+
+def _say(words: str) -> None:
+    print(f"rsvideo: {words}", file=sys.stderr)
+
+
+def _print_json(values: object) -> None:
+    import json
+
+    print(json.dumps(values, default=str), flush=True)
