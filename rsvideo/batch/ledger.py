@@ -4,6 +4,7 @@ import contextlib
 import errno
 import hashlib
 import json
+import os
 import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
@@ -118,8 +119,7 @@ class Ledger:
         try:
             return self.database.execute(command, values).fetchall()
         except sqlite3.OperationalError as error:
-            full = error.sqlite_errorcode == sqlite3.SQLITE_FULL
-            raise OSError(errno.ENOSPC if full else errno.EIO, str(error), str(_file(self.folder))) from error
+            raise _not_written(error, _file(self.folder)) from error
 
 
 @contextlib.contextmanager
@@ -174,9 +174,14 @@ def _locked(path: Path, *, fresh: bool) -> sqlite3.Connection:
         if isinstance(error, sqlite3.OperationalError):
             if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
                 raise BusyError(f"another run works on this job already (it holds {path}); wait for it, or stop it first") from error
-            raise OSError(errno.ENOSPC if error.sqlite_errorcode == sqlite3.SQLITE_FULL else errno.EIO, str(error), str(path)) from error
+            raise _not_written(error, path) from error
         raise
     return database
+
+
+def _not_written(error: sqlite3.OperationalError, path: Path) -> OSError:
+    code = errno.ENOSPC if error.sqlite_errorcode == sqlite3.SQLITE_FULL else errno.EIO
+    return OSError(code, os.strerror(code) if code == errno.ENOSPC else str(error), str(path))
 
 
 def _holds(place: Path, record: dict[str, Any]) -> bool:

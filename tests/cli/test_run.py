@@ -419,6 +419,29 @@ def test_a_full_disk_ends_the_run_and_keeps_what_is_done(job: Path, whole: dict[
     assert results(job) == whole
 
 
+@pytest.mark.parametrize("filled", [80, 88, 96, 112, 124])
+def test_a_file_system_that_is_full_keeps_what_is_done(job: Path, whole: dict[str, bytes], filled: int) -> None:
+    small = job.parent / "restored"
+    small.mkdir()
+    if (
+        os.getuid()
+        or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=128k", "tmpfs", small], check=False, capture_output=True).returncode
+    ):
+        pytest.skip("a small file system can be mounted by root only")
+    try:
+        (small / "other").write_bytes(bytes(1000 * filled))
+        done = call("run", job)
+        assert done.returncode == 1
+        assert "No space left" in done.stderr
+        assert "Traceback" not in done.stderr
+        (small / "other").unlink()
+        done = call("run", job)
+        assert done.returncode == 0, done.stderr
+        assert results(job) == whole
+    finally:
+        subprocess.run(["umount", small], check=True)
+
+
 def files_of_at_most_2000_bytes() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
 
