@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from rsvideo.cli.deblur import deblur
+from rsvideo.cli.inspect import inspect
 from rsvideo.cli.plot import plot
 from rsvideo.cli.run import run
 from rsvideo.cli.simulate import simulate
@@ -17,6 +18,7 @@ from rsvideo.cli.validate import schema, validate
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
 app.command()(deblur)
+app.command()(inspect)
 app.command()(plot)
 app.command()(run)
 app.command()(schema)

@@ -178,13 +178,18 @@ def names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in shipped().glob("*.yaml")))
 
 
+def is_file(name_or_file: str) -> bool:
+    """Whether a profile is asked for by its file, not by its name."""
+    path = Path(name_or_file)
+    return path.suffix.lower() in (".yaml", ".yml") or len(path.parts) > 1
+
+
 def find(name_or_file: str) -> CameraProfile:
     """A profile that comes with the project, by name, or the one in a file."""
+    if is_file(name_or_file):
+        return yaml.read(Path(name_or_file), CameraProfile)
     if name_or_file in names():
         return yaml.read(shipped() / f"{name_or_file}.yaml", CameraProfile)
-    path = Path(name_or_file)
-    if path.suffix.lower() in (".yaml", ".yml") or len(path.parts) > 1:
-        return yaml.read(path, CameraProfile)
     raise ConfigError(f"there is no camera profile named {yaml.shown(name_or_file)}{yaml.meant(name_or_file, names())}")
 
 

@@ -89,16 +89,17 @@ def validated(model: type[Model], data: object, positions: Positions) -> Model:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        faults = [positions.fault(*_told(model, fault)) for fault in error.errors(include_url=False)]
+        found = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] == "missing")  # a key may only be misspelt
+        faults = [positions.fault(*_told(model, fault)) for fault in found]
         raise ConfigError(*dict.fromkeys(faults)) from error
 
 
 def meant(word: object, known: Iterable[str]) -> str:
     """`; did you mean ...` for a word that is nearly one of those known, else what is known."""
-    names = list(known)
+    names = {name.lower(): name for name in known}
     if near := difflib.get_close_matches(str(word).lower()[:100], names, n=1, cutoff=0.6):
-        return f"; did you mean {near[0]}?"
-    return f"; there is {', '.join(names)}" if 0 < len(names) <= 20 else ""
+        return f"; did you mean {names[near[0]]}?"
+    return f"; there is {', '.join(names.values())}" if 0 < len(names) <= 20 else ""
 
 
 def shown(value: object) -> str:

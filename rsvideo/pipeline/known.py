@@ -1,0 +1,83 @@
+"""What is known of a clip's shutter and lens before any of it is restored, and who said so."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+from rsvideo.config import profile, readout
+from rsvideo.config.readout import Readout
+from rsvideo.config.said import Said
+from rsvideo.config.yaml import ConfigError, meant
+from rsvideo.restoration.timing import Known
+from rsvideo.video import decode, metadata
+from rsvideo.video.clip import Stream
+from rsvideo.video.metadata import ClipFacts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownClip:
+    """A clip that was probed, and what all sources say of it."""
+
+    stream: Stream
+    facts: ClipFacts  # by the clip itself
+    profile: profile.Facts | None  # by the camera's profile, in the clip's pixels
+    shutter: Known
+    focal: Said[float] | None  # px
+    notes: tuple[str, ...]
+
+
+def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = None) -> KnownClip:
+    """Ask the clip, the camera's profile and the public table.
+
+    `camera` names a profile, a profile's file, or a camera of the public table. `rate` is for sequences, which do not know theirs.
+    """
+    stream = decode.probe(path, rate)
+    facts = metadata.shot(stream)
+    fps = float(stream.rate)
+    said, table, notes = _camera(camera, facts, stream.rows, stream.cols, fps)
+    focal = Said(value=said.intrinsics.fx, source=said.profile) if said and said.intrinsics else None
+    if focal is None and facts.focal_35mm and (pixels := facts.focal_px(stream.rows, stream.cols)):
+        focal = Said(
+            value=pixels, source=f"{facts.focal_35mm.source}, {facts.focal_35mm.value:g} mm on 36 x 24 mm, for an uncropped picture"
+        )
+    return KnownClip(
+        stream=stream,
+        facts=facts,
+        profile=said,
+        shutter=Known(
+            rows=stream.rows,
+            cols=stream.cols,
+            fps=fps,
+            exposure=facts.exposure,
+            readout=facts.readout,
+            profile_readout=said.readout if said else None,
+            profile_direction=said.direction if said else None,
+            table=table,
+        ),
+        focal=focal,
+        notes=stream.notes + facts.notes + notes,
+    )
+
+
+def _camera(
+    camera: str | None, facts: ClipFacts, rows: int, cols: int, fps: float
+) -> tuple[profile.Facts | None, Readout | None, tuple[str, ...]]:
+    """What the profile and the public table say, and what to know of that."""
+    if camera is None:
+        table = readout.typical(facts.camera, rows=rows, cols=cols, fps=fps) if facts.camera else None
+        return None, table, () if table or not facts.camera else _unknown(facts.camera)
+    if profile.is_file(camera) or camera in profile.names():
+        found = profile.find(camera)
+        said, notes = profile.for_clip(found, rows, cols, fps)
+        return said, readout.typical(facts.camera or found.camera, rows=rows, cols=cols, fps=fps), notes
+    table = readout.typical(camera, rows=rows, cols=cols, fps=fps)
+    if table is None:
+        raise ConfigError(
+            f"{camera[:100]!r} must be a camera profile{meant(camera, profile.names())} or in the public table{_near(camera)}"
+        )
+    return None, table, ()
+
+
+def _unknown(camera: str) -> tuple[str, ...]:
+    near = readout.similar(camera)
+    return (f"the public table of readout times does not know {camera}" + (f"; it knows {', '.join(near)}" if near else ""),)
