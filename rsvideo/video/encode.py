@@ -214,7 +214,10 @@ class Writer:
     def _video_stream(self) -> VideoStream:
         stream, colour, codec = self._stream, self.colour, self._codec
         video = self._out.add_stream(
-            _ENCODERS[codec], rate=stream.rate, options=_options(self._encoding, codec, colour), time_base=stream.time_base
+            _ENCODERS[codec],
+            rate=stream.rate,
+            options=_options(self._encoding, codec, colour, self._last - self._first),
+            time_base=stream.time_base,
         )
         assert isinstance(video, VideoStream)  # so are all encoders named above
         context = video.codec_context
@@ -288,9 +291,8 @@ class Writer:
             while self._ahead is not None and (self._ahead.dts or 0) * self._ahead.time_base <= now:
                 self._out.mux_one(self._ahead)
                 self._ahead = next(self._others, None)
-            if not packet.duration:
-                index = int(self._stream.times.searchsorted((packet.pts or 0) + self._shift))
-                packet.duration = self._stream.spacing(min(index, self._stream.frames - 1))
+            index = int(self._stream.times.searchsorted((packet.pts or 0) + self._shift))
+            packet.duration = self._stream.spacing(min(index, self._stream.frames - 1))  # encoders guess it from the rate
             self._out.mux_one(packet)
 
     def _finish(self) -> None:
@@ -335,10 +337,28 @@ class Writer:
         if len(found) != len(expected) or any(a != b for a, b in zip(found, expected, strict=True)):
             at = next((k for k, (a, b) in enumerate(zip(found, expected, strict=False)) if a != b), min(len(found), len(expected)))
             raise OSError(errno.EIO, f"{len(expected)} pictures were written, {len(found)} read back; picture {at} is off", str(self._path))
+        if self._codec not in _SEQUENCES:
+            self._notes.extend(_lost(self._stream, written, self.colour))
 
     def _remove(self) -> None:
         with contextlib.suppress(OSError):
             shutil.rmtree(self._part) if self._part.is_dir() else self._part.unlink(missing_ok=True)
+
+
+def _lost(stream: Stream, written: Stream, colour: Colour) -> Iterator[str]:
+    """What the container or the codec did not take of what it was given."""
+    pairs = {
+        "the aspect ratio of its pixels": (stream.sample_aspect_ratio, written.sample_aspect_ratio),
+        "its rotation": (stream.display_matrix or (), written.display_matrix or ()),
+        "its timecode": (stream.timecode, written.timecode),
+        "its date": (stream.created, written.created),
+        "its colour tags": (colour.h273[:3], written.colour.h273[:3]),
+        "its range of codes": (colour.full_range, written.colour.full_range),
+    }
+    for name, (given, found) in pairs.items():
+        if given and given != found:
+            said = " ".join(map(str, given)) if isinstance(given, tuple) else str(given)
+            yield f"{name} ({said}) is not kept: this container and codec do not hold it"
 
 
 @contextlib.contextmanager
@@ -351,13 +371,14 @@ def _as_oserror(path: Path) -> Iterator[None]:
         raise OSError(number, error.strerror, str(path)) from error
 
 
-def _options(encoding: Encoding, codec: str, colour: Colour) -> dict[str, str]:
+def _options(encoding: Encoding, codec: str, colour: Colour, frames: int) -> dict[str, str]:
     crf = f"{_CRF.get(codec, 0.0) if encoding.quality is None else encoding.quality:g}"
     match codec:
         case "h264":
             return {"crf": crf, "preset": "medium"}
         case "hevc":
-            return {"crf": crf, "preset": "medium", "x265-params": f"log-level=error:pools={encoding.threads}"}
+            few = ":bframes=0" if frames < 8 else ""  # of two pictures libx265 gives the second a dts behind its pts
+            return {"crf": crf, "preset": "medium", "x265-params": f"log-level=error:pools={encoding.threads}{few}"}
         case "prores":
             return {"profile": "hq" if colour.subsampling == "4:2:2" else "4444", "vendor": "apl0"}
         case "dnxhr":

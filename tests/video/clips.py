@@ -62,8 +62,15 @@ def make(
         file.metadata.update(tags or {})
         stream: VideoStream | None = None
         if video:
-            quiet = {"x265-params": "log-level=none:" + (options or {}).pop("x265-params", "pools=1")} if codec == "libx265" else {}
-            added = file.add_stream(codec, rate=rate, options=(options or {}) | quiet, time_base=base)
+            options = dict(options or {})
+            if codec == "libx265":  # of two pictures it gives the second a dts behind its pts
+                own = options.pop("x265-params", "pools=1")
+                options["x265-params"] = f"log-level=none:{own}" + (":bframes=0" if frames < 8 else "")
+                {"x265-params": "log-level=none:" + (options or {}).pop("x265-params", "pools=1") + (":bframes=0" if frames < 8 else "")}
+                if codec == "libx265"
+                else {}
+            )
+            added = file.add_stream(codec, rate=rate, options=options, time_base=base)
             assert isinstance(added, VideoStream)
             stream = added
             stream.width, stream.height, stream.pix_fmt = cols, rows, layout
