@@ -72,9 +72,8 @@ def _camera(
         return said, readout.typical(facts.camera or found.camera, rows=rows, cols=cols, fps=fps), notes
     table = readout.typical(camera, rows=rows, cols=cols, fps=fps)
     if table is None:
-        raise ConfigError(
-            f"{camera[:100]!r} must be a camera profile{meant(camera, profile.names())} or in the public table{_near(camera)}"
-        )
+        words = f"camera must be a profile's file, a profile ({', '.join(profile.names())}) or a camera of the public table, got {camera[:99]!r}"
+        raise ConfigError(words + meant(camera, [*profile.names(), *readout.similar(camera)]))
     return None, table, ()
 
 
