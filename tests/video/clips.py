@@ -66,10 +66,6 @@ def make(
             if codec == "libx265":  # of two pictures it gives the second a dts behind its pts
                 own = options.pop("x265-params", "pools=1")
                 options["x265-params"] = f"log-level=none:{own}" + (":bframes=0" if frames < 8 else "")
-                {"x265-params": "log-level=none:" + (options or {}).pop("x265-params", "pools=1") + (":bframes=0" if frames < 8 else "")}
-                if codec == "libx265"
-                else {}
-            )
             added = file.add_stream(codec, rate=rate, options=options, time_base=base)
             assert isinstance(added, VideoStream)
             stream = added
