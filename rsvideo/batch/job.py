@@ -10,6 +10,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSche
 from rsvideo.config.quantity import hand_held, pixels, seconds
 from rsvideo.config.yaml import ConfigError, Positions, meant, shown, validated
 from rsvideo.physics.shutter import Direction
+from rsvideo.physics.tone import Transfer
+from rsvideo.video.encode import Codec
 
 SECTIONS = ("input", "camera", "motion", "deblur", "encoding")
 MOST_ENTRIES = 10_000
@@ -97,7 +99,7 @@ class Camera(_Section):
     )
     direction: Direction | None = Field(default=None, description="The way the readout runs over the picture as stored.")
     focal_px: Pixels | None = Field(default=None, description="Focal length in pixels.")
-    transfer: str | None = Field(default=None, description="How codes stand for light, by the standard's name.")
+    transfer: Transfer | None = Field(default=None, description="How codes stand for light, by the standard's name.")
     force: bool = Field(default=False, description="Accept a readout longer than a frame's period.")
 
 
@@ -121,9 +123,9 @@ class Deblur(_Section):
 class Encoding(_Section):
     """How the result is written; what is left out is as in the source."""
 
-    codec: str | None = None
-    quality: float | None = None
-    pixel_format: str | None = None
+    codec: Codec | None = Field(default=None, description="png, tiff and exr write folders of pictures.")
+    quality: Annotated[float, Field(ge=0, le=63)] | None = Field(default=None, description="Constant rate factor of h264 and hevc.")
+    pixel_format: Annotated[str, Field(pattern=r"^\w+$")] | None = Field(default=None, description="By FFmpeg's name, such as yuv422p10le.")
     side_by_side: bool = Field(default=False, description="The source on the left, the result on the right.")
 
 

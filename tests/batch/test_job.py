@@ -48,6 +48,8 @@ def test_times_are_written_as_on_the_command_line(understand: Understand, text: 
         ("clips:\n- source: a\n  camera: {readout: -0.02}", ["job.yaml:3: ", "must not be negative"]),
         ("clips:\n- source: a\n  camera: {direction: up}", ["job.yaml:3: clips.0.camera.direction", "bottom-to-top"]),
         ("clips:\n- source: a\n  motion: {model: rotations}", ["job.yaml:3: ", "did you mean rotation?"]),
+        ("clips:\n- source: a\n  camera: {transfer: slog3}", ["job.yaml:3: ", "did you mean s-log3?"]),
+        ("clips:\n- source: a\n  encoding: {codec: prores422}", ["job.yaml:3: ", "did you mean prores?"]),
         ("clips:\n- source: a\n  camera: {focal_px: 35mm}", ["job.yaml:3: ", "pixels", "width of the sensor"]),
         ("clips:\n- source: a\n  input: {range: 00:12-00:10}", ["job.yaml:3: ", "from an earlier to a later time"]),
         ("clips:\n- source: a\n  input: {range: 12}", ["job.yaml:3: ", "must read like 00:10-00:12"]),
