@@ -72,8 +72,8 @@ def _camera(
         return said, readout.typical(facts.camera or found.camera, rows=rows, cols=cols, fps=fps), notes
     table = readout.typical(camera, rows=rows, cols=cols, fps=fps)
     if table is None:
-        words = f"camera must be a profile's file, a profile ({', '.join(profile.names())}) or a camera of the public table, got {camera[:99]!r}"
-        raise ConfigError(words + meant(camera, [*profile.names(), *readout.similar(camera)]))
+        words = f"camera must be a profile ({', '.join(profile.names())}), its file, or a camera of the public table"
+        raise ConfigError(f"{words}, got {camera[:100]!r}" + meant(camera, [*profile.names(), *readout.similar(camera)]))
     return None, table, ()
 
 

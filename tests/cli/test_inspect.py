@@ -50,6 +50,12 @@ def test_the_table_on_a_terminal_names_what_is_missing(rsvideo: Run, clip: Path)
     assert "\x1b" not in done.stdout
 
 
+def test_names_that_could_harm_a_terminal_are_shown_plain(rsvideo: Run, clip: Path) -> None:
+    done = rsvideo("inspect", clip.rename(clip.with_name("\x1b[31mclip.mov")))
+    assert done.returncode == 0
+    assert "?[31mclip.mov" in done.stdout
+
+
 def test_options_win_over_all_sources(rsvideo: Run, clip: Path) -> None:
     facts = told(rsvideo, clip, "--shutter-angle", 180, "--readout", "20ms", "--direction", "bottom-to-top")
     assert facts["exposure_s"] == {"value": pytest.approx(1 / 48), "source": "shutter angle of 180 degrees"}
