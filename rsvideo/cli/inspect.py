@@ -202,8 +202,8 @@ def _lines(told: dict[str, Any]) -> list[Line]:
 
 
 def _timed(name: str, fact: dict[str, Any]) -> Line:
-    spread = f", {fact['within'][0] * 1e3:.4g} to {fact['within'][1] * 1e3:.4g} ms" if "within" in fact else ""
-    return name, f"{fact['value'] * 1e3:.4g} ms{spread}", fact["source"]
+    low, high = (f"{time * 1e3:.4g}" for time in fact.get("within", (0.0, 0.0)))
+    return name, f"{fact['value'] * 1e3:.4g} ms" + (f", {low} to {high} ms" if low != high else ""), fact["source"]
 
 
 def _printable(text: str) -> str:
