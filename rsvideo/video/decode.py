@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import Literal
 
 import av
 import av.error
@@ -19,7 +19,7 @@ from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
-from rsvideo.video import sequence
+from rsvideo.video import container, sequence
 from rsvideo.video.clip import Colour, Matrix, Picture, Stream, Track, planar
 from rsvideo.video.codes import MOST_PIXELS, check_pixels
 from rsvideo.video.ffmpeg import arrays, watched
@@ -28,9 +28,6 @@ OnDamage = Literal["fail", "passthrough", "skip"]
 
 MOST_FRAMES = 20_000_000  # 92 hours at 60 a second
 _STRICT = "explode+crccheck+bitstream"
-_EBML = b"\x1aE\xdf\xa3"
-_BOXES = {b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot"}
-_SEGMENT = b"\x18S\x80g"
 
 _MATRIX = {0: Matrix.RGB, 1: Matrix.BT709, 5: Matrix.BT601, 6: Matrix.BT601, 9: Matrix.BT2020}
 _TRANSFER = {
@@ -70,14 +67,18 @@ _LAYOUT_OF = (  # layouts that are handed over as planes of the same codes
 )
 
 
-def probe(path: Path, rate: Fraction | None = None) -> Stream:
-    """What a file, a folder or a pattern such as `shot_####.dng` holds. `rate` is for sequences, which do not know theirs."""
+def probe(path: Path, rate: Fraction | None = None, *, on_damage: OnDamage = "fail") -> Stream:
+    """What a file, a folder or a pattern such as `shot_####.dng` holds. `rate` is for sequences, which do not know theirs.
+
+    A container that is damaged or cut short raises UnreadableError, unless `on_damage` takes what can be found.
+    """
+    strict = on_damage == "fail"
     if sequence.is_sequence(path):
         return sequence.probe(path, rate)
-    family = _family(path)
+    family = container.family(path, strict=strict)
     try:
-        with watched() as log, _opened(path, family) as file:
-            return _probed(path, family, file, log)
+        with _opened(path, family) as file:
+            return _probed(path, family, file, strict=strict)
     except av.error.FFmpegError as error:
         raise UnreadableError(f"{path} cannot be read: {_said(error)}; is it damaged or cut short?") from error
     except (ValueError, OverflowError) as error:
@@ -102,71 +103,6 @@ def pictures(stream: Stream, first: int = 0, last: int | None = None, *, on_dama
         raise UnreadableError(f"{stream.path} cannot be read: {_said(error)}") from error
 
 
-def _family(path: Path) -> str:
-    """The kind of container, from its first bytes; FFmpeg's own guess would open playlists and text too."""
-    try:
-        if not path.is_file():
-            raise UnreadableError(f"{path} {'is a folder, not a file' if path.is_dir() else 'does not exist or is not a file'}")
-        with path.open("rb") as file:
-            head, size = file.read(16), path.stat().st_size
-            if not size:
-                raise UnreadableError(f"{path} is empty")
-            if head[4:8] in _BOXES:
-                _check_boxes(path, file, size)
-                return "mov"
-            if head[:4] == _EBML:
-                _check_segment(path, file, size)
-                return "matroska"
-    except OSError as error:
-        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
-    raise UnreadableError(f"{path} must be an MP4, MOV or MKV clip, its first bytes are {head[:8]!r}; is it another kind of file?")
-
-
-def _check_boxes(path: Path, file: BinaryIO, size: int) -> None:
-    """Every box of the outermost level must end within the file."""
-    at, kinds = 0, set()
-    while at + 8 <= size:
-        file.seek(at)
-        length, kind, longer = struct.unpack(">I4sQ", file.read(16).ljust(16, b"\0"))
-        kinds.add(kind)
-        extent = {0: size - at, 1: longer}.get(length, length)
-        if extent < 8 or at + extent > size:
-            raise UnreadableError(
-                f"{path} is cut short or damaged: its {kind.decode('latin-1')!r} box at byte {at} says {extent} bytes, {size - at} are left"
-            )
-        at += extent
-    if b"moov" not in kinds:
-        raise UnreadableError(f"{path} is cut short: it has no index ('moov' box); was the recording interrupted?")
-
-
-def _check_segment(path: Path, file: BinaryIO, size: int) -> None:
-    """The segment of a Matroska file must end within the file, where its length is stated."""
-    at = 0
-    for _ in range(8):  # the header, the segment, and perhaps a void between
-        file.seek(at)
-        head = file.read(12)
-        if len(head) < 12:
-            break
-        id_bytes, length_bytes = _vint(head[0]), _vint(head[4])
-        if id_bytes > 4:
-            break
-        length_bytes = _vint(head[id_bytes])
-        raw = int.from_bytes(head[id_bytes : id_bytes + length_bytes])
-        length = raw & ((1 << 7 * length_bytes) - 1)
-        at += id_bytes + length_bytes
-        if head[:id_bytes] == _SEGMENT:
-            if length != (1 << 7 * length_bytes) - 1 and at + length > size:
-                raise UnreadableError(f"{path} is cut short: its segment says {length} bytes, {size - at} are left")
-            return
-        at += length
-    raise UnreadableError(f"{path} is cut short or damaged: it has no segment")
-
-
-def _vint(first: int) -> int:
-    """Bytes of an EBML number that begins so; 9 where it is none."""
-    return 9 - first.bit_length() if first else 9
-
-
 def _opened(path: Path, family: str) -> InputContainer:
     return av.open(str(path), "r", format=family, metadata_errors="replace")
 
@@ -176,18 +112,18 @@ def _said(error: av.error.FFmpegError) -> str:
     return (error.strerror or type(error).__name__).lower()
 
 
-def _probed(path: Path, family: str, file: InputContainer, log: list[str]) -> Stream:
+def _probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> Stream:
     videos = [stream for stream in file.streams.video if not stream.disposition & av.stream.Disposition.attached_pic]
     if not videos:
         kinds = sorted({stream.type for stream in file.streams})
         raise UnreadableError(f"{path} must hold video, it holds {' and '.join(kinds) or 'no track'}; is it the right file?")
     video = videos[0]
     check_pixels(video.height, video.width)
-    times, keys, end, shown = _scan(path, video, file)
-    _check_lengths(path, family, video, file, times, end)
+    times, keys, end, shown = _scan(path, video, file, strict=strict)
+    if strict:
+        _check_lengths(path, family, video, file, times, end)
     if shown is None:
-        said = f" ({log[0]})" if log else ""
-        raise UnreadableError(f"{path} holds no picture that can be decoded{said}; is it damaged?")
+        raise UnreadableError(f"{path} holds no picture that can be decoded; is it damaged?")
     colour, notes = _colour(path, video, shown)
     matrix = _display_matrix(shown)
     tags, metadata = dict(video.metadata), dict(file.metadata)
@@ -217,7 +153,7 @@ def _probed(path: Path, family: str, file: InputContainer, log: list[str]) -> St
     )
 
 
-def _scan(path: Path, video: VideoStream, file: InputContainer) -> tuple[np.ndarray, np.ndarray, int, VideoFrame | None]:
+def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool) -> tuple[np.ndarray, np.ndarray, int, VideoFrame | None]:
     """The pts of all pictures and of the key pictures, when the last ends, and the first picture that can be decoded."""
     video.codec_context.thread_count = 1
     video.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
@@ -228,7 +164,7 @@ def _scan(path: Path, video: VideoStream, file: InputContainer) -> tuple[np.ndar
     keys: list[int] = []
     durations: list[int] = []
     shown = None
-    for packet in file.demux(video):
+    for packet in _intact(path, file.demux(video)) if strict else file.demux(video):
         if shown is None:
             with contextlib.suppress(av.error.FFmpegError):
                 shown = next(iter(packet.decode()), None)
@@ -252,6 +188,18 @@ def _scan(path: Path, video: VideoStream, file: InputContainer) -> tuple[np.ndar
     return rising, np.sort(np.array(keys, np.int64)), int(rising[-1]) + (durations[order[-1]] or spacing), shown
 
 
+def _intact(path: Path, packets: Iterator[av.Packet]) -> Iterator[av.Packet]:
+    """Packets, as long as the container that they come from is whole."""
+    while True:
+        with watched() as said:
+            packet = next(packets, None)
+        if said:
+            raise UnreadableError(f"{path} is damaged: {said[0]}")
+        if packet is None:
+            return
+        yield packet
+
+
 def _check_lengths(path: Path, family: str, video: VideoStream, file: InputContainer, times: np.ndarray, end: int) -> None:
     """What the header promises must be there."""
     if family == "mov" and (promised := sum(entry.size > 0 for entry in video.index_entries)) > len(times):
@@ -261,13 +209,19 @@ def _check_lengths(path: Path, family: str, video: VideoStream, file: InputConta
     base = float(video.time_base or 1)
     held = (end - int(times[0])) * base
     slack = max(0.1, 2 * float(np.diff(times).max(initial=0)) * base)
-    if video.duration is not None and video.duration * base > held + slack:
-        raise UnreadableError(f"{path} is cut short: its header promises {video.duration * base:.2f} s of video, {held:.2f} s are there")
-    if file.duration is not None:
-        others = [float(s.duration * s.time_base) for s in file.streams if s.duration and s.time_base and s.index != video.index]
-        longest = max([max(end, end - int(times[0])) * base, *others, *_ends(file, family, others)])
-        if file.duration / 1e6 > longest + max(0.5, slack):
-            raise UnreadableError(f"{path} is cut short: its header promises {file.duration / 1e6:.2f} s, {longest:.2f} s are there")
+    others = [float(s.duration * s.time_base) for s in file.streams if s.duration and s.time_base and s.index != video.index]
+    longest = max(end * base, held, *others, *_ends(file, family, others))
+    if family == "mov":
+        said = container.header(path)
+        timed = said.timed_s.get(video.id, 0.0)
+        promises = [(said.media_s.get(video.id, 0.0), max(timed, end * base, held) + slack)]
+        if not said.fragmented:
+            promises.append((said.shown_s, max([longest, *said.timed_s.values()]) + max(0.5, slack)))
+    else:
+        promises = [((file.duration or 0) / 1e6, longest + max(0.5, slack))]
+    for promised, there in promises:
+        if promised > there:
+            raise UnreadableError(f"{path} is cut short: its header promises {promised:.2f} s, {max(held, longest):.2f} s are there")
 
 
 def _ends(file: InputContainer, family: str, others: list[float]) -> list[float]:
@@ -403,7 +357,7 @@ def _strict(stream: Stream, first: int, last: int) -> Iterator[Picture]:
 
 def _decoded(stream: Stream, start: int | None, last: int) -> Iterator[tuple[int, VideoFrame]]:
     """Index and frame from the key picture `start` on, or from the beginning; raises _Broken at any sign of damage."""
-    with _opened(stream.path, _family(stream.path)) as file:
+    with _opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": _STRICT})
         for packet in _packets(file, video, start):
             near = stream.times.searchsorted(packet.pts) if packet.pts is not None else last
@@ -492,7 +446,7 @@ def _concealed(stream: Stream, first: int, last: int) -> Iterator[Picture]:
     suspect, damaged = set[int](), False
     starts = stream.keys[stream.keys <= stream.times[first]]
     start = int(starts[-1]) if len(starts) and first else None
-    with _opened(stream.path, _family(stream.path)) as file:
+    with _opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": "crccheck+bitstream", "flags": "output_corrupt"})
         try:
             for packet in _packets(file, video, start):

@@ -10,9 +10,9 @@ from av.video.frame import VideoFrame
 
 @contextlib.contextmanager
 def watched() -> Iterator[list[str]]:
-    """The errors that FFmpeg tells meanwhile, one line each; complete at the end."""
+    """The errors that FFmpeg tells meanwhile, and what it conceals, one line each; complete at the end."""
     before, repeated = av.logging.get_level(), av.logging.get_skip_repeated()
-    av.logging.set_level(av.logging.ERROR)
+    av.logging.set_level(av.logging.INFO)
     av.logging.set_skip_repeated(False)
     said: list[str] = []
     try:
@@ -20,7 +20,7 @@ def watched() -> Iterator[list[str]]:
             try:
                 yield said
             finally:
-                said.extend(line.strip() for level, _, line in log if level <= av.logging.ERROR)
+                said.extend(line.strip() for level, _, line in log if level <= av.logging.ERROR or line.startswith("concealing"))
     finally:
         av.logging.set_level(before)
         av.logging.set_skip_repeated(repeated)
