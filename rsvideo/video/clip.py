@@ -114,6 +114,7 @@ class Stream:
     tags: Mapping[str, str] = field(default_factory=dict)  # of the video track
     timecode: str | None = None
     created: str | None = None  # ISO 8601
+    mastering: tuple[str, ...] = ()  # of HDR10: the display it was graded on and its brightest light, as x265 writes them
     files: tuple[Path, ...] = ()  # of a sequence, one a picture
     notes: tuple[str, ...] = ()  # what the reader should know was not taken over
 

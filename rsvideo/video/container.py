@@ -30,11 +30,12 @@ _LEVEL_1 = {
 
 @dataclass(frozen=True, kw_only=True)
 class Header:
-    """What an MP4 states about its length."""
+    """What an MP4 states about its length and its tracks."""
 
     shown_s: float = 0.0  # of the whole file; 0 where it does not say
     media_s: dict[int, float] = field(default_factory=dict)  # by the track's number, seconds
     timed_s: dict[int, float] = field(default_factory=dict)  # the sum of all samples' durations, seconds
+    kinds: dict[int, str] = field(default_factory=dict)  # four letters, such as avc1, mp4a, gpmd, tmcd
     fragmented: bool = False
 
 
@@ -141,7 +142,7 @@ def header(path: Path) -> Header:
 
 
 def _header(path: Path, index: bytes) -> Header:
-    media, timed, shown, fragmented = {}, {}, 0.0, False
+    media, timed, kinds, shown, fragmented = {}, {}, {}, 0.0, False
     for kind, body in _boxes(index):
         if kind == b"mvhd":
             scale, duration = _clock(body)
@@ -160,9 +161,10 @@ def _header(path: Path, index: bytes) -> Header:
         samples = struct.unpack_from(">I", sizes, 8)[0]
         if (counted := int(runs[:, 0].sum())) != samples:
             raise UnreadableError(f"{path} is damaged: its header promises {counted} times and {samples} samples of track {number}")
+        kinds[number] = boxes[b"stsd"][12:16].decode("latin-1")
         media[number] = duration / scale if duration != _UNKNOWN[boxes[b"mdhd"][0]] else 0.0
         timed[number] = float(runs.prod(axis=1).sum()) / scale
-    return Header(shown_s=shown, media_s=media, timed_s=timed, fragmented=fragmented)
+    return Header(shown_s=shown, media_s=media, timed_s=timed, kinds=kinds, fragmented=fragmented)
 
 
 def _clock(body: bytes) -> tuple[int, int]:

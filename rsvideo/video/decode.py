@@ -53,6 +53,7 @@ _PRIMARIES = {
     22: "ebu3213",
 }
 _UNSAID = {2}
+_CARRIED = {"gpmd"}  # data that writers of MP4 know: GoPro's sensors
 _FULL = 2  # FFmpeg's AVCOL_RANGE_JPEG
 
 _LAYOUT_OF = (  # layouts that are handed over as planes of the same codes
@@ -115,8 +116,8 @@ def _said(error: av.error.FFmpegError) -> str:
 def _probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> Stream:
     videos = [stream for stream in file.streams.video if not stream.disposition & av.stream.Disposition.attached_pic]
     if not videos:
-        kinds = sorted({stream.type for stream in file.streams})
-        raise UnreadableError(f"{path} must hold video, it holds {' and '.join(kinds) or 'no track'}; is it the right file?")
+        held = sorted({stream.type for stream in file.streams})
+        raise UnreadableError(f"{path} must hold video, it holds {' and '.join(held) or 'no track'}; is it the right file?")
     video = videos[0]
     check_pixels(video.height, video.width)
     times, keys, end, shown = _scan(path, video, file, strict=strict)
@@ -125,6 +126,10 @@ def _probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> S
     if shown is None:
         raise UnreadableError(f"{path} holds no picture that can be decoded; is it damaged?")
     colour, notes = _colour(path, video, shown)
+    kinds: dict[int, str] = {}
+    if family == "mov":
+        with contextlib.nullcontext() if strict else contextlib.suppress(UnreadableError):
+            kinds = container.header(path).kinds
     matrix = _display_matrix(shown)
     tags, metadata = dict(video.metadata), dict(file.metadata)
     told = {key.lower(): value for key, value in (metadata | tags).items()}  # Matroska's are in capitals
@@ -144,11 +149,12 @@ def _probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> S
         rotation=shown.rotation,
         display_matrix=matrix,
         sample_aspect_ratio=video.sample_aspect_ratio or Fraction(1),
-        tracks=tuple(_track(stream) for stream in file.streams if stream.index != video.index),
+        tracks=tuple(_track(stream, kinds.get(stream.id, "")) for stream in file.streams if stream.index != video.index),
         metadata=metadata,
         tags=tags,
         timecode=told.get("timecode"),
         created=metadata.get("creation_time") or told.get("creation_time"),
+        mastering=_mastering(shown),
         notes=notes,
     )
 
@@ -238,16 +244,31 @@ def _ends(file: InputContainer, family: str, others: list[float]) -> list[float]
     return [max(ends)]
 
 
-def _track(stream: av.stream.Stream) -> Track:
-    kind = stream.type
-    codec = stream.codec_context.name if stream.codec_context else ""  # PyAV does not tell what data is
-    name = stream.metadata.get("handler_name") or stream.metadata.get("title") or ""
-    return Track(index=stream.index, kind=kind, codec=codec, copied=kind in ("audio", "subtitle"), name=name.strip())
+def _track(stream: av.stream.Stream, four_letters: str) -> Track:
+    kind, name = stream.type, stream.metadata.get("handler_name") or stream.metadata.get("title") or ""
+    codec = stream.codec_context.name if stream.codec_context else four_letters
+    return Track(index=stream.index, kind=kind, codec=codec, copied=kind in ("audio", "subtitle") or codec in _CARRIED, name=name.strip())
 
 
 def _display_matrix(frame: VideoFrame) -> tuple[int, ...] | None:
     data = frame.side_data.get("DISPLAYMATRIX")
     return None if data is None else struct.unpack("=9i", bytes(data)[:36])
+
+
+def _mastering(frame: VideoFrame) -> tuple[str, ...]:
+    """What HDR10 says of the display that the clip was graded on and of its brightest light, as parameters of x265."""
+    found = []
+    if data := frame.side_data.get("MASTERING_DISPLAY_METADATA"):
+        *ratios, has_primaries, has_luminance = struct.unpack("=20i2i", bytes(data)[:88])
+        values = [number / divisor if divisor else 0.0 for number, divisor in zip(ratios[::2], ratios[1::2], strict=True)]
+        red_x, red_y, green_x, green_y, blue_x, blue_y, white_x, white_y = (round(50_000 * value) for value in values[:8])
+        least, most = (round(10_000 * value) for value in values[8:])
+        if has_primaries and has_luminance:
+            points = f"G({green_x},{green_y})B({blue_x},{blue_y})R({red_x},{red_y})WP({white_x},{white_y})"
+            found.append(f"master-display={points}L({most},{least})")
+    if data := frame.side_data.get("CONTENT_LIGHT_LEVEL"):
+        found.append("max-cll={},{}".format(*struct.unpack("=2I", bytes(data)[:8])))
+    return tuple(found)
 
 
 def _layout(name: str) -> str | None:
@@ -279,6 +300,8 @@ def _colour(path: Path, video: VideoStream, frame: VideoFrame) -> tuple[Colour, 
     if not h273[3] and not by_format:
         assumed.add("full_range")
     notes: tuple[str, ...] = ()
+    if any(frame.side_data.get(kind) for kind in ("DOVI_METADATA", "DOVI_RPU_BUFFER", "DYNAMIC_HDR_PLUS")):
+        notes += ("its metadata for each picture (Dolby Vision or HDR10+) is not carried over",)
     if any(part.is_alpha for part in frame.format.components):
         notes += ("its transparency is not carried over",)
     if frame.interlaced_frame:

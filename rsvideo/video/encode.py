@@ -216,7 +216,7 @@ class Writer:
         video = self._out.add_stream(
             _ENCODERS[codec],
             rate=stream.rate,
-            options=_options(self._encoding, codec, colour, self._last - self._first),
+            options=_options(self._encoding, codec, colour, stream, self._last - self._first),
             time_base=stream.time_base,
         )
         assert isinstance(video, VideoStream)  # so are all encoders named above
@@ -250,11 +250,13 @@ class Writer:
         for track in stream.tracks:
             named = f"track {track.index} ({', '.join(word for word in (track.kind, track.codec, track.name) if word)})"
             if not track.copied:
-                if not (stream.timecode and ("TCD" in track.name or "TimeCode" in track.name)):
+                if not (stream.timecode and track.codec == "tmcd"):  # which is written anew
                     self._notes.append(f"{named} is not carried over")
                 continue
             theirs = source.streams[track.index]
             try:
+                if track.kind == "data" and family == "matroska":
+                    raise ValueError
                 copy = self._out.add_stream_from_template(theirs)
             except (ValueError, av.error.FFmpegError):
                 self._notes.append(f"{named} is not carried over; {family} does not hold it")
@@ -353,6 +355,7 @@ def _lost(stream: Stream, written: Stream, colour: Colour) -> Iterator[str]:
         "its timecode": (stream.timecode, written.timecode),
         "its date": (stream.created, written.created),
         "its colour tags": (colour.h273[:3], written.colour.h273[:3]),
+        "its HDR10 metadata": (stream.mastering, written.mastering),
         "its range of codes": (colour.full_range, written.colour.full_range),
     }
     for name, (given, found) in pairs.items():
@@ -371,14 +374,15 @@ def _as_oserror(path: Path) -> Iterator[None]:
         raise OSError(number, error.strerror, str(path)) from error
 
 
-def _options(encoding: Encoding, codec: str, colour: Colour, frames: int) -> dict[str, str]:
+def _options(encoding: Encoding, codec: str, colour: Colour, stream: Stream, frames: int) -> dict[str, str]:
     crf = f"{_CRF.get(codec, 0.0) if encoding.quality is None else encoding.quality:g}"
     match codec:
         case "h264":
             return {"crf": crf, "preset": "medium"}
         case "hevc":
             few = ":bframes=0" if frames < 8 else ""  # of two pictures libx265 gives the second a dts behind its pts
-            return {"crf": crf, "preset": "medium", "x265-params": f"log-level=error:pools={encoding.threads}{few}"}
+            mastering = "".join(f":{said}" for said in stream.mastering)
+            return {"crf": crf, "preset": "medium", "x265-params": f"log-level=error:pools={encoding.threads}{few}{mastering}"}
         case "prores":
             return {"profile": "hq" if colour.subsampling == "4:2:2" else "4444", "vendor": "apl0"}
         case "dnxhr":

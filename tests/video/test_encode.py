@@ -122,6 +122,16 @@ def test_colour_tags_are_kept(tmp_path: Path, tags: tuple[int, int, int, int], c
     assert before.colour.h273[:3] == tags[:3]
 
 
+def test_what_hdr10_says_of_its_display_is_kept_or_said_to_be_lost(tmp_path: Path) -> None:
+    said = ("master-display=G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,1)", "max-cll=1000,400")
+    options = {"x265-params": "pools=1:" + ":".join(said)}
+    before = probe(make(tmp_path / "in.mp4", codec="libx265", layout="yuv420p10le", colour=(9, 16, 9, 1), options=options))
+    assert before.mastering == said
+    rewrite(before, tmp_path / "out.mp4")
+    assert probe(tmp_path / "out.mp4").mastering == said
+    assert any("HDR10" in note and "not kept" in note for note in rewrite(before, tmp_path / "out.mov", Encoding(codec="prores")).notes)
+
+
 def test_a_full_range_clip_of_8_bits_stays_one(tmp_path: Path) -> None:
     before = probe(make(tmp_path / "in.mp4", layout="yuvj420p", colour=(1, 1, 1, 2)))
     assert before.colour.full_range
@@ -161,11 +171,18 @@ def test_a_part_begins_at_0_with_the_sound_of_its_time(tmp_path: Path) -> None:
     assert all(abs(a - 1 - b) < Fraction(1, 1000) for (a, _), (b, _) in zip([p for p in whole if p[0] >= 1], part, strict=False))
 
 
-def test_a_data_track_that_is_dropped_is_named(shared: Path, tmp_path: Path) -> None:
-    before = probe(shared / "real" / "gopro_mp4_gyro" / "karma.mp4")
-    writer = rewrite(before, tmp_path / "out.mp4", Encoding(quality=40), last=5)
-    assert any("GoPro MET" in note and "not carried over" in note for note in writer.notes)
-    assert probe(tmp_path / "out.mp4").timecode == before.timecode
+def test_a_cameras_sensors_are_kept_and_what_is_dropped_is_named(shared: Path, tmp_path: Path) -> None:
+    source = shared / "real" / "gopro_mp4_gyro" / "karma.mp4"
+    before = probe(source)
+    writer = rewrite(before, tmp_path / "out.mp4", Encoding(quality=40), last=30)
+    after = probe(tmp_path / "out.mp4")
+    assert [track.codec for track in after.tracks] == ["aac", "gpmd", "tmcd"]
+    assert after.timecode == before.timecode
+    sensors = [data for _, data in packets(tmp_path / "out.mp4", "data") if len(data) > 4]
+    assert sensors == [data for _, data in packets(source, "data") if len(data) > 4][: len(sensors)] != []
+    assert len(writer.notes) == 1
+    assert "fdsc" in writer.notes[0]
+    assert "not carried over" in writer.notes[0]
 
 
 @pytest.mark.parametrize(("rate", "frames"), [(1000, 8), (2, 4), (Fraction(30000, 1001), 1), (24, 1)])
