@@ -240,17 +240,19 @@ def test_what_a_codec_or_container_cannot_hold_is_refused(tmp_path: Path, codec:
 
 def test_an_interruption_leaves_nothing_and_what_stood_there(tmp_path: Path) -> None:
     stream = probe(make(tmp_path / "in.mp4"))
-    (tmp_path / "out.mp4").write_text("the version before")
+    (tmp_path / "out.mkv").write_text("the version before")
 
     def interrupted() -> None:
-        with Writer(tmp_path / "out.mp4", stream) as writer:
-            writer.write(next(pictures(stream)))
+        with Writer(tmp_path / "out.mkv", stream, Encoding(codec="ffv1")) as writer:
+            for picture in pictures(stream, 0, 4):
+                writer.write(picture)
+            assert (tmp_path / "out.mkv.part").exists()
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["in.mp4", "out.mp4"]
-    assert (tmp_path / "out.mp4").read_text() == "the version before"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["in.mp4", "out.mkv"]
+    assert (tmp_path / "out.mkv").read_text() == "the version before"
 
 
 def test_too_few_pictures_and_pictures_out_of_order_are_refused(tmp_path: Path) -> None:
