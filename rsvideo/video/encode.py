@@ -366,12 +366,14 @@ def _lost(stream: Stream, written: Stream, colour: Colour) -> Iterator[str]:
 
 @contextlib.contextmanager
 def _as_oserror(path: Path) -> Iterator[None]:
-    """FFmpeg's errors as the system's, with the name of the file."""
+    """FFmpeg's errors as the system's; all with the name of a file."""
     try:
         yield
     except av.error.FFmpegError as error:
         number = error.errno if error.errno and error.errno < 1000 else errno.EIO  # FFmpeg has numbers of its own
         raise OSError(number, error.strerror, str(path)) from error
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, error.filename or str(path)) from error  # a failed write does not say of which file
 
 
 def _options(encoding: Encoding, codec: str, colour: Colour, stream: Stream, frames: int) -> dict[str, str]:

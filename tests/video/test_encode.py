@@ -1,3 +1,4 @@
+import resource
 from fractions import Fraction
 from pathlib import Path
 
@@ -277,6 +278,20 @@ def test_a_folder_that_is_not_there_is_an_error_of_the_system(tmp_path: Path) ->
     with pytest.raises(OSError, match="No such file") as refusal:
         rewrite(stream, tmp_path / "nowhere" / "out.mp4")
     assert "out.mp4" in str(refusal.value.filename)
+
+
+@pytest.mark.parametrize(("codec", "name"), [("h264", "out.mp4"), ("ffv1", "out.mkv"), ("tiff", "out")])
+def test_a_full_disk_is_an_error_of_the_system_and_leaves_nothing(tmp_path: Path, codec: Codec, name: str) -> None:
+    stream = probe(make(tmp_path / "in.mp4", rows=96, cols=128))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (6000, hard))
+    try:
+        with pytest.raises(OSError, match="File too large") as refusal:
+            rewrite(stream, tmp_path / name, Encoding(codec=codec, quality=0))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert name in str(refusal.value.filename)
+    assert [file.name for file in tmp_path.iterdir()] == ["in.mp4"]
 
 
 def test_subtitles_are_copied_or_said_to_be_dropped(tmp_path: Path) -> None:
