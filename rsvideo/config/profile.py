@@ -1,156 +1,22 @@
-"""Profiles of cameras: what is known of one mode of one camera, who measured it, and how surely."""
+"""Profiles of cameras: found by name or file, and made to fit a clip."""
 
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal
-
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from rsvideo.config import yaml
+from rsvideo.config.camera import CameraProfile, Clock, Distortion, Lens, Measured, Noise
+from rsvideo.config.files import read_whole
+from rsvideo.config.formats import gyroflow, kalibr, opencv, ours, ros
 from rsvideo.config.said import Said
 from rsvideo.config.yaml import ConfigError
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 
+FORMS = {"rsvideo": ours, "gyroflow": gyroflow, "kalibr": kalibr, "opencv": opencv, "ros": ros}
 _SAME_RATE = 0.002  # 30 and 29.97 are one mode
 _SAME_SHAPE = 0.005  # of the ratio of columns to rows, which scaling to whole pixels may change
-_COEFFICIENTS = {"brown-conrady": (4, 5, 8, 12, 14), "fisheye": (4,)}  # as OpenCV counts them
-
-Words = Annotated[str, Field(max_length=500)]
-Pixels = Annotated[int, Field(ge=1, le=100_000)]
-Rate = Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)]
-Deviation = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Measured(_Part):
-    """A number, and what is known of how it came to be. In YAML the number alone will do."""
-
-    value: Annotated[float, Field(allow_inf_nan=False)]
-    std: Deviation | None = None  # standard deviation, in the number's unit
-    how: Words | None = None  # the method
-    when: Words | None = None  # the day
-    source: Words | None = None  # the file, the person or the address
-
-    def said(self, by: str) -> Said[float]:
-        """The number as said by a profile, with its source if it has one."""
-        within = (self.value - 2 * self.std, self.value + 2 * self.std) if self.std is not None else None
-        return Said(value=self.value, source=f"{by} ({self.source})" if self.source else by, within=within)
-
-
-def _alone(value: object) -> object:
-    return {"value": value} if isinstance(value, int | float | str) else value
-
-
-def _focal(number: Measured) -> Measured:
-    if not 1 <= number.value < 1e7:
-        raise ValueError(f"must lie in [1, 1e7) px, got {number.value:g}; is it in millimetres?")
-    return number
-
-
-def _part(number: Measured) -> Measured:
-    if not 0 < number.value <= 1:
-        raise ValueError(f"must lie in (0, 1], got {number.value:g}; is it a code? divide it by the highest one")
-    return number
-
-
-def _not_negative(number: Measured) -> Measured:
-    if number.value < 0:
-        raise ValueError(f"must not be negative, got {number.value:g}")
-    return number
-
-
-def _time(number: Measured) -> Measured:
-    if not 0 <= number.value <= 1:
-        slip = "is it in milliseconds?" if number.value > 1 else "a readout upwards is `direction: bottom-to-top`"
-        raise ValueError(f"must lie in [0, 1] s, got {number.value:g}; {slip}")
-    return number
-
-
-Number = Annotated[Measured, BeforeValidator(_alone)]
-Focal = Annotated[Measured, BeforeValidator(_alone), AfterValidator(_focal)]
-Part = Annotated[Measured, BeforeValidator(_alone), AfterValidator(_part)]
-NotNegative = Annotated[Measured, BeforeValidator(_alone), AfterValidator(_not_negative)]
-Time = Annotated[Measured, BeforeValidator(_alone), AfterValidator(_time)]
-
-
-class Mode(_Part):
-    """The mode that everything else holds for; another size, rate or crop is another mode."""
-
-    rows: Pixels  # as stored
-    cols: Pixels
-    fps: Rate | None = None  # None: photographs, or what does not depend on the rate
-    crop: Words | None = None  # the part of the sensor that is read, in words
-
-
-class Distortion(_Part):
-    """How the lens bends rays, in OpenCV's models and order of coefficients."""
-
-    model: Literal["brown-conrady", "fisheye"]
-    coefficients: list[Number]
-
-    @model_validator(mode="after")
-    def _check(self) -> "Distortion":
-        counts = _COEFFICIENTS[self.model]
-        if len(self.coefficients) not in counts:
-            raise ValueError(f"{self.model} has {' or '.join(map(str, counts))} coefficients, got {len(self.coefficients)}")
-        return self
-
-
-class Lens(_Part):
-    """The pinhole camera in pixels of the mode; the centre of the top-left pixel is (0, 0)."""
-
-    fx: Focal
-    fy: Focal
-    cx: Number
-    cy: Number
-    distortion: Distortion | None = None
-
-
-class Clock(_Part):
-    """When rows are read."""
-
-    readout_s: Time  # seconds from the opening of the first row to that of the one that would follow the last; 0 is a global shutter
-    direction: Direction = Direction.TOP_TO_BOTTOM  # over the picture as stored
-
-
-class Tone(_Part):
-    """How codes stand for light."""
-
-    transfer: Transfer | None = None
-    clip: Part | None = None  # the code, as part of the full scale, from which on highlights are lost
-
-
-class Noise(_Part):
-    """The variance of a pixel at light L in [0, 1]: read^2 + shot * L."""
-
-    read: NotNegative
-    shot: NotNegative
-
-
-class CameraProfile(_Part):
-    """The whole file."""
-
-    version: Literal[1] = 1
-    name: Annotated[str, Field(min_length=1, max_length=100)]  # of the camera's model
-    maker: Words | None = None
-    source: Words | None = None  # of all that says nothing else
-    licence: Words | None = None
-    mode: Mode
-    intrinsics: Lens | None = None
-    timing: Clock | None = None
-    tone: Tone | None = None
-    noise: Noise | None = None
-
-    @property
-    def camera(self) -> str:
-        """Maker and model."""
-        return f"{self.maker} {self.name}" if self.maker else self.name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,16 +47,35 @@ def names() -> tuple[str, ...]:
 def is_file(name_or_file: str) -> bool:
     """Whether a profile is asked for by its file, not by its name."""
     path = Path(name_or_file)
-    return path.suffix.lower() in (".yaml", ".yml") or len(path.parts) > 1
+    return path.suffix.lower() in (".yaml", ".yml", ".json") or len(path.parts) > 1
 
 
 def find(name_or_file: str) -> CameraProfile:
-    """A profile that comes with the project, by name, or the one in a file."""
+    """A profile that comes with the project, by name, or the one in a file, which may be in another program's format."""
     if is_file(name_or_file):
-        return yaml.read(Path(name_or_file), CameraProfile)
+        return read(Path(name_or_file))
     if name_or_file in names():
         return yaml.read(shipped() / f"{name_or_file}.yaml", CameraProfile)
     raise ConfigError(f"there is no camera profile named {yaml.shown(name_or_file)}{yaml.meant(name_or_file, names())}")
+
+
+def read(path: Path) -> CameraProfile:
+    """The profile in a file of ours, of Gyroflow (.json), of OpenCV, of kalibr or of ROS, told apart by what it holds."""
+    if path.suffix.lower() == ".json":
+        return gyroflow.read(path)
+    text = read_whole(path, most=yaml.MOST_BYTES)
+    if opencv.is_storage(text):
+        return opencv.read(path)
+    data, positions = yaml.load(path)
+    for foreign in (kalibr, ros):
+        if foreign.holds(data):
+            return foreign.parsed(data, positions)
+    return yaml.validated(CameraProfile, data, positions)
+
+
+def encode(profile: CameraProfile, form: str = "rsvideo") -> tuple[bytes, tuple[str, ...]]:
+    """The file of a profile in one of FORMS, and what that form could not hold."""
+    return FORMS[form].encode(profile)
 
 
 def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) -> tuple[Facts, tuple[str, ...]]:
@@ -206,16 +91,24 @@ def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) ->
     if profile.timing and mode.fps and fps and abs(fps / mode.fps - 1) > _SAME_RATE:
         raise ConfigError(f"{slip}; a readout time belongs to one rate, so this mode needs its own profile, or --readout")
     notes = () if scale == 1 else (f"{slip}: taken to show the same part of the sensor, scaled by {scale:.4g}",)
+    if profile.tone and profile.tone.curve and not profile.tone.transfer:
+        notes += (f"{name} holds a tone curve of its own, which is not applied: codes are taken for what the clip's tags say",)
     lens, clock = profile.intrinsics, profile.timing
     return Facts(
         profile=name,
         intrinsics=_scaled(lens, rows, cols, rows / mode.rows, scale) if lens else None,
         distortion=lens.distortion if lens else None,
-        readout=clock.readout_s.said(name) if clock else None,
+        readout=_sourced(clock).said(name) if clock else None,
         direction=Said(value=clock.direction, source=name) if clock else None,
         transfer=profile.tone.transfer if profile.tone else None,
         noise=profile.noise,
     ), notes
+
+
+def _sourced(clock: Clock) -> Measured:
+    """The readout with the source that it shares with its part."""
+    whence = clock.readout_s.source or (clock.found.source if clock.found else None)
+    return clock.readout_s.model_copy(update={"source": whence})
 
 
 def _words(rows: int, cols: int, fps: float | None) -> str:
