@@ -16,6 +16,8 @@ class Verdict(enum.StrEnum):
     RESTORED = "restored"
     SHARP = "left as it was: the frame is sharp already"
     NO_TEXTURE = "left as it was: the frame has no texture to measure motion by"
+    UNTOUCHED = "left as it was: no restoration was asked for"
+    DAMAGED = "left as it was: it could not be decoded as it was meant"
     UNEXPLAINED = "left as it was: one camera motion does not explain its blur"
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
-from rsvideo.config.quantity import hand_held, pixels, seconds
+from rsvideo.config.quantity import hand_held, pixels, seconds, span
 from rsvideo.config.yaml import ConfigError, Positions, meant, shown, validated
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
@@ -16,7 +16,6 @@ from rsvideo.video.encode import Codec
 SECTIONS = ("input", "camera", "motion", "deblur", "encoding")
 MOST_ENTRIES = 10_000
 _RIVALS = ({"readout", "row_time", "scanlines_total"}, {"exposure", "shutter_angle"})  # one of them answers for the others
-_SPAN = re.compile(r"\s*([\d:.]+)\s*-\s*([\d:.]+)\s*")
 
 
 def _text(value: object, rule: str) -> str:
@@ -35,18 +34,7 @@ def _pixels(value: object) -> float:
 
 
 def _span(value: object) -> tuple[float, float]:
-    rule = f"range must read like 00:10-00:12 or 10-12.5, from an earlier to a later time in the clip, got {shown(value)}"
-    if isinstance(value, tuple):
-        return value
-    if not (isinstance(value, str) and (match := _SPAN.fullmatch(value))):
-        raise ValueError(rule)
-    try:
-        first, last = (sum(float(part) * 60**power for power, part in enumerate(reversed(end.split(":")))) for end in match.groups())
-    except ValueError as error:
-        raise ValueError(rule) from error
-    if not first < last:
-        raise ValueError(rule)
-    return first, last
+    return value if isinstance(value, tuple) else span(_text(value, "range must read like 00:10-00:12 or 10-12.5"))
 
 
 def _name(value: object) -> str:

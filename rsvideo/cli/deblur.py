@@ -1,7 +1,6 @@
-"""rsvideo deblur: one blurred photograph in, a sharp one out."""
+"""rsvideo deblur: one blurred photograph or clip in, a sharp one out."""
 
 import os
-import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,7 +11,9 @@ Way = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"
 
 
 def deblur(
-    source: Annotated[Path, typer.Argument(metavar="INPUT", help="A PNG, TIFF, JPEG or raw photograph.")],
+    source: Annotated[
+        Path, typer.Argument(metavar="INPUT", help="A photograph (PNG, TIFF, JPEG, raw), a clip (MP4, MOV, MKV), or a folder of pictures.")
+    ],
     output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format.")],
     exposure: Annotated[
         str | None, Option(metavar="TIME", help="How long each row collects light: 1/50, 20ms, 0.02. [default: from EXIF]")
@@ -21,7 +22,7 @@ def deblur(
         str | None, Option(metavar="TIME", help="From the first row's opening to the last one's; 0 is a global shutter.")
     ] = None,
     row_time: Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")] = None,
-    direction: Annotated[Way, Option(help="The way the readout runs over the picture as stored.")] = "top-to-bottom",
+    direction: Annotated[Way | None, Option(help="The way the readout runs over the picture as stored. [default: top-to-bottom]")] = None,
     focal_px: Annotated[str | None, Option(metavar="PX", help="Focal length in pixels. [default: from EXIF's 35 mm equivalent]")] = None,
     motion: Annotated[
         Literal["rotation", "shift"] | None, Option(help="All three angles, or the paper's shift. [default: rotation]")
@@ -29,67 +30,113 @@ def deblur(
     degree: Annotated[int | None, Option(min=1, max=12, help="Of the trajectory's polynomial.")] = None,
     start: Annotated[Literal["kernels", "tracing"] | None, Option(help="How the first trajectory is found.")] = None,
     prior: Annotated[Literal["denoiser", "tv"] | None, Option(help="What a sharp picture is taken to look like.")] = None,
-    transfer: Annotated[Literal["srgb", "bt709", "linear"] | None, Option(help="How codes stand for light. [default: srgb]")] = None,
+    transfer: Annotated[
+        str | None, Option(metavar="CURVE", help="How codes stand for light: srgb, bt709, slog3, ... [default: the clip's tag, or srgb]")
+    ] = None,
     trajectory: Annotated[
         Path | None, Option(metavar="FILE", help="Restore with this motion: a sidecar, or CSV of t_s,pitch_rad,yaw_rad,roll_rad.")
     ] = None,
+    shutter_angle: Annotated[float | None, Option(metavar="DEGREES", help="Of a clip, instead of --exposure.")] = None,
+    scanlines_total: Annotated[int | None, Option(metavar="N", help="Of a clip: visible and blanking lines, instead of --readout.")] = None,
+    camera: Annotated[str | None, Option(metavar="NAME", help="Of a clip: a profile, its file, or a camera of the public table.")] = None,
+    method: Annotated[Literal["rsvideo", "none"], Option(help="Of a clip: none decodes and encodes only.")] = "rsvideo",
+    path: Annotated[Literal["keep", "smooth"], Option(help="Of a clip: the camera's own path, or a smooth one with a crop.")] = "keep",
+    part: Annotated[str | None, Option("--range", metavar="FROM-TO", help="Of a clip: the part to restore, such as 00:10-00:12.")] = None,
+    side_by_side: Annotated[bool, Option("--side-by-side", help="Of a clip: the source on the left, the result on the right.")] = False,
+    codec: Annotated[str | None, Option(help="Of a clip: h264, hevc, prores, dnxhr, ffv1, png, tiff, exr. [default: the same]")] = None,
+    quality: Annotated[float | None, Option(min=0, max=63, help="Constant rate factor of h264 and hevc.")] = None,
+    pixel_format: Annotated[str | None, Option(metavar="NAME", help="By FFmpeg's name, such as yuv422p10le.")] = None,
+    on_damage: Annotated[Literal["fail", "passthrough", "skip"], Option(help="What to do with damaged frames of a clip.")] = "fail",
+    rate: Annotated[str | None, Option(metavar="FPS", help="Of a folder of pictures: frames a second.")] = None,
+    force: Annotated[bool, Option("--force", help="Of a clip: take a readout longer than a frame's period.")] = False,
     threads: Annotated[int | None, Option(min=1, max=1024, help="[default: all cores]")] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace OUTPUT and its sidecar.")] = False,
     json: Annotated[bool, Option("--json", help="Print the sidecar on standard output.")] = False,
 ) -> None:
-    """Remove motion blur and rolling-shutter distortion from one photograph.
+    """Remove motion blur and rolling-shutter distortion from one photograph or clip.
 
-    Beside OUTPUT a sidecar <stem>.rsvideo.json records the timing, the motion that was found and the verdict.
+    Beside OUTPUT a sidecar <stem>.rsvideo.json records the timing, the motion that was found and the verdict of each frame;
+    of a clip, <stem>.gcsv the motion as a gyroscope's log.
     """
     if threads:
         os.environ["NUMBA_NUM_THREADS"] = str(threads)  # read once, when numba is first imported
 
-    from rsvideo.cli import quiet
     from rsvideo.cli.ending import RefusedError
-    from rsvideo.cli.progress import bar
-    from rsvideo.config.files import UnreadableError, write_whole
-    from rsvideo.config.quantity import pixels, seconds
+    from rsvideo.config.files import UnreadableError
+    from rsvideo.config.quantity import pixels, seconds, span
+    from rsvideo.config.yaml import meant
     from rsvideo.physics.shutter import Direction
     from rsvideo.physics.tone import Transfer
-    from rsvideo.pipeline.job import Job, prepare
 
     steering = {"motion": motion, "degree": degree, "start": start, "prior": prior}
+    encoding = {"codec": codec, "quality": quality, "pixel_format": pixel_format}
+    clips_only = {
+        "--shutter-angle": shutter_angle,
+        "--scanlines-total": scanlines_total,
+        "--camera": camera,
+        "--range": part,
+        "--rate": rate,
+        "--side-by-side": side_by_side or None,
+        "--method": method if method != "rsvideo" else None,
+        "--path": path if path != "keep" else None,
+        "--codec": codec,
+        "--quality": quality,
+        "--pixel-format": pixel_format,
+        "--force": force or None,
+    }
     try:
-        job = Job(
-            source=source,
-            output=output,
-            exposure=None if exposure is None else seconds("exposure", exposure),
-            readout=None if readout is None else seconds("readout", readout),
-            row_time=None if row_time is None else seconds("row-time", row_time),
-            direction=Direction(direction),
-            focal_px=None if focal_px is None else pixels("focal-px", focal_px),
-            transfer=Transfer(transfer) if transfer else None,
-            trajectory=trajectory,
-            steering={name: value for name, value in steering.items() if value is not None},
-            overwrite=overwrite,
+        if transfer is not None and transfer not in set(Transfer):
+            raise ValueError(f"transfer must be one of {', '.join(Transfer)}, got {transfer!r}" + meant(transfer, list(Transfer)))
+        asked = {
+            "source": source,
+            "output": output,
+            "exposure": None if exposure is None else seconds("exposure", exposure),
+            "readout": None if readout is None else seconds("readout", readout),
+            "row_time": None if row_time is None else seconds("row-time", row_time),
+            "focal_px": None if focal_px is None else pixels("focal-px", focal_px),
+            "trajectory": trajectory,
+            "steering": {name: value for name, value in steering.items() if value is not None},
+            "overwrite": overwrite,
+        }
+        if _is_clip(source):
+            from rsvideo.cli import clip
+            from rsvideo.pipeline.clip import ClipJob
+
+            job = ClipJob(
+                **asked,
+                direction=None if direction is None else Direction(direction),
+                transfer=transfer,
+                shutter_angle=shutter_angle,
+                scanlines_total=scanlines_total,
+                camera=camera,
+                method=method,
+                encoding={name: value for name, value in encoding.items() if value is not None},
+                path=path,
+                span=None if part is None else span(part),
+                side_by_side=side_by_side,
+                on_damage=on_damage,
+                rate=rate,
+                force=force,
+            )
+            clip.deblur(job, json=json)
+            return
+        if wrong := next((name for name, value in clips_only.items() if value is not None), None):
+            raise ValueError(f"{wrong} concerns clips, {source} is taken for a photograph; clips are .mp4, .mov, .mkv or folders")
+
+        from rsvideo.cli import photograph
+        from rsvideo.pipeline.job import Job
+
+        photograph.deblur(
+            Job(**asked, direction=Direction(direction or "top-to-bottom"), transfer=Transfer(transfer) if transfer else None), json=json
         )
-        with quiet.c_libraries():
-            task = prepare(job)
-
-        from rsvideo.config import motion as motion_file  # with what follows, the slow ones: mistakes so far are told at once
-        from rsvideo.pipeline import still
-        from rsvideo.restoration.blind import Settings
-
-        settings = Settings(**job.steering)
-        path = None if trajectory is None else motion_file.read(trajectory, task.timing, task.camera.intrinsics)
     except UnreadableError:
         raise
     except ValueError as error:
         raise RefusedError(str(error)) from error
-    for note in task.notes:
-        print(f"rsvideo: note: {note}", file=sys.stderr)
-    with bar() as show:
-        outcome = still.carry_out(task, settings, path, lambda iterate: show(iterate.stage, iterate.fraction))
-    write_whole(outcome.files)
-    for note in outcome.notes:
-        print(f"rsvideo: note: {note}", file=sys.stderr)
-    if json:
-        print(outcome.sidecar.encode().decode(), end="")
-    else:
-        record = outcome.sidecar.frames[0]
-        print(f"rsvideo: {record.verdict}, {record.seconds:.1f} s: {output}", file=sys.stderr)
+
+
+def _is_clip(source: Path) -> bool:
+    """By its name: what is wrong with a file that is not what its name says is told when it is read."""
+    return source.suffix.lower() in (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts") or (
+        source.is_dir() or any(mark in source.name for mark in "#%*")
+    )

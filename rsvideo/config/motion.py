@@ -20,9 +20,12 @@ _TERMS = (8, 16, 32, 64, 128, 256, 512)
 _SLACK = 0.02  # of the interval, that a record may start late or end early, but by no more than one of its own steps
 
 
-def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
-    """The motion in a file, with its pose at the middle of the frame's interval as the origin."""
-    t, poses = _from_sidecar(path) if path.suffix.lower() == ".json" else _from_csv(path, intrinsics)
+def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics, *, index: int = 0, begins: float = 0.0) -> Trajectory:
+    """The motion in a file, with its pose at the middle of the frame's interval as the origin.
+
+    Of a clip's motion, that of frame `index`, which begins at `begins` seconds.
+    """
+    t, poses = _from_sidecar(path, index) if path.suffix.lower() == ".json" else _from_csv(path, intrinsics, begins)
     start, end = timing.interval
     slack = max(1e-3 * (end - start), min(_SLACK * (end - start), float(np.median(np.diff(t)))))
     if t[0] > start + slack or t[-1] < end - slack:
@@ -35,14 +38,14 @@ def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajector
     return centred(_spline(t, poses, timing.interval, intrinsics, path), timing.middle)
 
 
-def _from_sidecar(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    frames = sidecar.read(path).frames
-    if len(frames) > 1:
-        raise UnreadableError(f"{path} must hold the motion of one frame, it holds {len(frames)}; is it a clip's sidecar?")
-    return np.array(frames[0].trajectory.t_s), frames[0].trajectory.poses()
+def _from_sidecar(path: Path, index: int) -> tuple[np.ndarray, np.ndarray]:
+    frames = {frame.index: frame for frame in sidecar.read(path).frames}
+    if index not in frames:
+        raise UnreadableError(f"{path} must hold the motion of frame {index}, it holds frames {min(frames)} to {max(frames)}")
+    return np.array(frames[index].trajectory.t_s), frames[index].trajectory.poses()
 
 
-def _from_csv(path: Path, intrinsics: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
+def _from_csv(path: Path, intrinsics: Intrinsics, begins: float) -> tuple[np.ndarray, np.ndarray]:
     data = read_whole(path, most=sidecar.MOST_BYTES)
     try:
         lines = list(csv.reader(io.StringIO(data.decode("utf-8-sig")), strict=True))
@@ -58,7 +61,7 @@ def _from_csv(path: Path, intrinsics: Intrinsics) -> tuple[np.ndarray, np.ndarra
     t, pitch, yaw, roll = table.T
     if (late := np.flatnonzero(np.diff(t) <= 0)).size:
         raise UnreadableError(f"{path}: t_s must rise from line to line, it does not after {t[late[0]]:g} s")
-    return t, np.stack([intrinsics.fx * yaw, -intrinsics.fy * pitch, roll], axis=1)
+    return t - begins, np.stack([intrinsics.fx * yaw, -intrinsics.fy * pitch, roll], axis=1)
 
 
 def _numbers(path: Path, number: int, line: list[str], columns: list[int]) -> list[float]:

@@ -7,6 +7,8 @@ LONGEST = 1.0  # seconds; a hand-held exposure or readout beyond this is a slip 
 
 _SECONDS_PER_UNIT = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _TIME = re.compile(r"\s*([-+]?)(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)(?:\s*/\s*(\d+\.?\d*))?\s*([a-zµμ]*)\s*", re.IGNORECASE)
+_CLOCK = r"((?:\d+:){0,2}\d+(?:\.\d*)?)"
+_SPAN = re.compile(rf"\s*{_CLOCK}\s*-\s*{_CLOCK}\s*")
 
 
 def seconds(name: str, text: str) -> float:
@@ -30,6 +32,17 @@ def hand_held(name: str, value: float, *, zero: bool) -> float:
         return value
     slip = f"is it in milliseconds? a unit may follow, as in {value:g}ms" if value > LONGEST else "no light is collected in no time"
     raise ValueError(f"{name} must lie in {'[' if zero else '('}0, {LONGEST:g}] s, got {value:g} s; {slip}")
+
+
+def span(text: str) -> tuple[float, float]:
+    """The seconds that `00:10-00:12` or `10-12.5` writes."""
+    rule = f"range must read like 00:10-00:12 or 10-12.5, from an earlier to a later time in the clip, got {text!r}"
+    if not (match := _SPAN.fullmatch(text)):
+        raise ValueError(rule)
+    first, last = (sum(float(part) * 60**power for power, part in enumerate(reversed(end.split(":")))) for end in match.groups())
+    if not first < last:
+        raise ValueError(rule)
+    return first, last
 
 
 def pixels(name: str, text: str) -> float:

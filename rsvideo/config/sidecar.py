@@ -85,7 +85,7 @@ class Camera(_Record):
     cy: Finite
     rows: Annotated[int, Field(gt=0)]
     cols: Annotated[int, Field(gt=0)]
-    source: Literal["explicit", "EXIF", "assumed"]
+    source: str  # "explicit", "EXIF", "assumed", or the profile or metadata that said so
 
     @classmethod
     def of(cls, intrinsics: Intrinsics, source: str) -> "Camera":
@@ -107,6 +107,8 @@ class Settings(_Record):
     transfer: Transfer
     trajectory_from: str | None  # the file, where the motion was given
     restoration: dict[str, JsonValue]  # the core's own settings, under their names
+    input_sha256: str | None = None
+    encoding: dict[str, JsonValue] = {}  # of a clip
 
 
 class Sidecar(_Record):

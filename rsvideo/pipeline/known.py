@@ -26,12 +26,12 @@ class KnownClip:
     notes: tuple[str, ...]
 
 
-def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = None) -> KnownClip:
+def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = None, on_damage: decode.OnDamage = "fail") -> KnownClip:
     """Ask the clip, the camera's profile and the public table.
 
     `camera` names a profile, a profile's file, or a camera of the public table. `rate` is for sequences, which do not know theirs.
     """
-    stream = decode.probe(path, rate)
+    stream = decode.probe(path, rate, on_damage=on_damage)
     facts = metadata.shot(stream)
     fps = float(stream.rate)
     said, table, notes = _camera(camera, facts, stream.rows, stream.cols, fps)

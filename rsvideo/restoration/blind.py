@@ -18,12 +18,13 @@ from rsvideo.restoration import deblur as latent_update
 from rsvideo.restoration import initialise, motion, strips, tracing
 from rsvideo.restoration.alternation import PaperSettings, alternate
 from rsvideo.restoration.kernel import KernelSettings
-from rsvideo.restoration.motion import Prior, Refined, Scene
+from rsvideo.restoration.motion import Prior, Scene
 from rsvideo.restoration.strips import Candidate
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
 WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
 TRIAL_COLS = 560  # and candidates are compared on so many
+HEATS = ((3, False, 4), (6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
 COSTLIEST = 2.3  # see `judge`
 SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
 SHARP_KERNEL = 2.0  # px; kernels of sharp strips are found about 1.8 px long, for the latent image has hard edges
@@ -139,21 +140,31 @@ class _View:
     noise: float  # in linear light
 
 
-def _along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics) -> _View:
-    """The frame as if it had been read from top to bottom."""
-    way = timing.direction
-    pixels = np.ascontiguousarray(way.scanlines(frame.pixels), np.float32)
-    c = intrinsics
+def intrinsics_along(intrinsics: Intrinsics, timing: ShutterTiming) -> Intrinsics:
+    """The camera of the frame turned so that its scanlines run from top to bottom."""
+    way, c = timing.direction, intrinsics
     if way in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT):
         c = Intrinsics(fx=c.fy, fy=c.fx, cx=c.cy, cy=c.cx, rows=c.cols, cols=c.rows)
     if way in (Direction.BOTTOM_TO_TOP, Direction.RIGHT_TO_LEFT):
         c = replace(c, cy=c.rows - 1 - c.cy)
+    return c
+
+
+def _along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics) -> _View:
+    """The frame as if it had been read from top to bottom."""
+    way = timing.direction
+    pixels = np.ascontiguousarray(way.scanlines(frame.pixels), np.float32)
     return _View(
         frame=Frame(pixels=pixels, clipped=np.ascontiguousarray(way.scanlines(frame.clipped)), time=frame.time, index=frame.index),
         timing=replace(timing, direction=Direction.TOP_TO_BOTTOM),
-        intrinsics=c,
+        intrinsics=intrinsics_along(intrinsics, timing),
         noise=max(motion.noise_level(_luminance(pixels)) * (math.sqrt(1.8) if pixels.shape[2] == 3 else 1.0), 1e-3),
     )
+
+
+def observed(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings) -> Scene:
+    """What the trajectory of a frame is estimated from, along its scanlines."""
+    return _scene(_along_scanlines(frame, timing, intrinsics), settings)
 
 
 def _luminance(pixels: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
@@ -176,7 +187,7 @@ def _scene(view: _View, settings: Settings) -> Scene:
     )
 
 
-def _window(scene: Scene, cols: int) -> Scene:
+def windowed(scene: Scene, cols: int) -> Scene:
     """The `cols` columns with most texture, where the frame is wider than that."""
     if scene.frame.shape[1] <= cols:
         return scene
@@ -190,7 +201,7 @@ def _window(scene: Scene, cols: int) -> Scene:
 
 def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     """The trajectory, coarse to fine; the last iterate is the answer."""
-    part, trial = _window(scene, WINDOW_COLS), _window(scene, TRIAL_COLS)
+    part, trial = windowed(scene, WINDOW_COLS), windowed(scene, TRIAL_COLS)
     kernels = KernelSettings()
     found = initialise.strip_kernels(part.frame, part.timing, kernels, parts=1, threads=settings.threads)
     yield Iterate(stage="strip kernels", fraction=0.15, trajectory=still(part.timing.interval, degree=1, axes=2), latent=None)
@@ -207,17 +218,15 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         return
     if settings.motion == "rotation":
         halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2, threads=settings.threads)
-        starts = initialise.with_roll(starts, halves, part.timing, part.intrinsics, degree=settings.degree)
+        starts = initialise.with_roll(starts, found, halves, part.timing, part.intrinsics, degree=settings.degree)
         yield Iterate(stage="kernels of halves", fraction=0.25, trajectory=starts[0].trajectory, latent=None)
-    ranked: list[tuple[float, Refined, Prior]] = []
-    for i, start in enumerate(starts):
-        prior = Prior(mean=start.trajectory.coefficients[1:], curvature=start.curvature, weight=settings.trust)
-        refined = motion.refine(trial, start.trajectory, prior, ridge=3 * trial.ridge, steps=8)
-        ranked.append((_rank(trial, refined, start, settings.trust), refined, prior))
-        yield Iterate(stage="candidate paths", fraction=0.25 + 0.3 * (i + 1) / len(starts), trajectory=refined.trajectory, latent=None)
-    _, refined, prior = min(ranked, key=lambda entry: entry[0])
-    best = motion.refine(part, refined.trajectory, prior, ridge=3 * part.ridge, steps=16).trajectory
-    best = motion.refine(part, best, prior, ridge=part.ridge, steps=8).trajectory
+    runners = [_Runner(start=start, trajectory=start.trajectory) for start in starts]
+    for i, (steps, wide, most) in enumerate(HEATS):
+        runners = [r.ahead(part if wide else trial, settings.trust, steps) for r in runners]
+        runners = sorted(runners, key=lambda r: r.value)[:most]
+        yield Iterate(stage="candidate paths", fraction=0.3 + 0.1 * (i + 1), trajectory=runners[0].trajectory, latent=None)
+    winner = min(runners, key=lambda r: r.value + 0.05 * math.log(motion.energy(part, r.trajectory)))
+    best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8).trajectory
     yield Iterate(stage="path", fraction=0.75, trajectory=best, latent=None)
 
 
@@ -231,9 +240,20 @@ def _alternated(scene: Scene, start: Trajectory, settings: Settings) -> Iterator
         yield Iterate(stage="alternation", fraction=fraction, trajectory=state.trajectory, latent=state.sharp)
 
 
-def _rank(scene: Scene, refined: Refined, start: Candidate, trust: float) -> float:
-    """Lower is better: sparse, explained by the strips' kernels, and of low energy (Eq. 15)."""
-    return refined.value + trust * start.energy + 0.05 * math.log(motion.energy(scene, refined.trajectory))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Runner:
+    """A candidate on its way: the lowest value so far wins."""
+
+    start: Candidate
+    trajectory: Trajectory
+    value: float = math.inf  # sparsity, the prior, and how badly the strips' kernels are explained
+
+    def prior(self, trust: float) -> Prior:
+        return Prior(mean=self.start.trajectory.coefficients[1:], curvature=self.start.curvature, weight=trust)
+
+    def ahead(self, scene: Scene, trust: float, steps: int) -> "_Runner":
+        refined = motion.refine(scene, self.trajectory, self.prior(trust), ridge=3 * scene.ridge, steps=steps)
+        return replace(self, trajectory=refined.trajectory, value=refined.value + trust * self.start.energy)
 
 
 def _longest(timing: ShutterTiming, path: Trajectory) -> float:
@@ -248,7 +268,7 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
     Deblurring trades blur for contrast, so the energy of Eq. (8) rises over that of the frame taken as sharp: by a factor
     of 1.3 to 1.9 along a true path; beyond `COSTLIEST` the frame holds detail that no blur along the path can have left.
     """
-    part = _window(scene, WINDOW_COLS)
+    part = windowed(scene, WINDOW_COLS)
     rest = still(part.timing.interval, degree=1, axes=2)
     if _longest(part.timing, path) < SHORTEST:
         return Verdict.SHARP

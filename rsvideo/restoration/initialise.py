@@ -65,15 +65,22 @@ def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsic
 
 
 def with_roll(
-    found: list[Candidate], halves: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, *, degree: int
+    found: list[Candidate], strips: list[Strip], halves: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, *, degree: int
 ) -> list[Candidate]:
-    """The candidates with a third axis, fitted anew to the kernels of the frame's left and right halves; equal ones once."""
+    """The candidates with a third axis, fitted anew; equal ones once.
+
+    Kernels of the frame's left and right halves tell roll; those of whole strips fail more rarely, but strong roll misleads
+    them. So each candidate is fitted to the halves, trusting all of them or those that agree with it, and to both.
+    """
     out: list[Candidate] = []
     for candidate in found:
         flat = np.hstack([candidate.trajectory.coefficients, np.zeros((degree + 1, 1))])
         start = still(timing.interval, degree=degree, axes=3).with_coefficients(flat)
-        fitted = fit(halves, timing, intrinsics, degree=degree, stiffness=candidate.stiffness, keep=1, start=start)[0]
-        new = fitted.trajectory.coefficients[:, :2]
-        if all(np.linalg.norm(new - other.trajectory.coefficients[:, :2]) > 0.8 for other in out):
-            out.append(fitted)
+        for observed, doubting in ((halves, False), (halves, True), (strips + halves, True)):
+            fitted = fit(
+                observed, timing, intrinsics, degree=degree, stiffness=candidate.stiffness, keep=1, start=start, doubting=doubting
+            )[0]
+            new = fitted.trajectory.coefficients[:, :2]
+            if all(np.linalg.norm(new - other.trajectory.coefficients[:, :2]) > 0.5 for other in out):
+                out.append(fitted)
     return out

@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from jaxtyping import Complex, Float
 from numba import njit, prange
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.optimize import minimize
 
 from rsvideo.physics import tiles
@@ -33,6 +34,8 @@ from rsvideo.restoration.deblur import TileSystem, tile_system, total_variation
 
 WINDOW = 49  # px over which gradients are compared
 FAINT = 1e-4  # gradients below this are flat
+PLAIN_NOISE = 5e-3  # up to which total variation has the paper's last weight, 1e-3
+BLOCK = 32  # px; noise is measured in the quieter blocks
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,16 +58,37 @@ class Scene:
     @property
     def ridge(self) -> float:
         """rho: the noise's power over that of the latent gradients, of which the blurred frame keeps about a third."""
-        return float(np.clip(0.7 * self.noise**2 / max(self.gradient_power, 1e-12), 1.5e-3, 2e-2))
+        return float(np.clip(0.7 * self.noise**2 / max(self.gradient_power, 1e-12), 1.5e-3, 0.1))
 
 
 def noise_level(frame: Float[np.ndarray, "rows cols"]) -> float:
-    """Standard deviation of white noise, from second differences in the quieter blocks (Immerkaer 1996, by blocks)."""
+    """Standard deviation of the noise in the quieter blocks: the larger of its fine part and of its coarse, isotropic part."""
+    return max(_fine_noise(frame), _coarse_noise(frame))
+
+
+def _fine_noise(frame: Float[np.ndarray, "rows cols"]) -> float:
+    """From second differences (Immerkaer 1996, by blocks)."""
     mask = np.outer([1, -2, 1], [1, -2, 1]).astype(np.float32) / 6
     high = cv2.filter2D(frame, -1, mask)[2:-2, 2:-2]
-    side = 32
-    blocks = [high[i : i + side, j : j + side] for i in range(0, high.shape[0], side) for j in range(0, high.shape[1], side)]
+    blocks = [high[i : i + BLOCK, j : j + BLOCK] for i in range(0, high.shape[0], BLOCK) for j in range(0, high.shape[1], BLOCK)]
     return float(np.percentile([np.median(np.abs(b)) / 0.6745 for b in blocks], 25))
+
+
+def _coarse_noise(frame: Float[np.ndarray, "rows cols"]) -> float:
+    """From wavelengths of 3 to 6 px, which a camera's own denoising and JPEG leave grainy and deblurring amplifies most.
+
+    Texture is there too, but blurred texture has a direction: what counts is the least of eight, less where they differ.
+    """
+    blocks = sliding_window_view(frame, (BLOCK, BLOCK))[:: BLOCK // 2, :: BLOCK // 2].reshape(-1, BLOCK, BLOCK)
+    if not len(blocks):
+        return 0.0
+    window = np.outer(np.hanning(BLOCK), np.hanning(BLOCK))
+    spectra = np.abs(np.fft.rfft2((blocks - blocks.mean(axis=(1, 2), keepdims=True)) * window)) ** 2 / (window**2).sum()
+    y, x = np.fft.fftfreq(BLOCK)[:, None], np.fft.rfftfreq(BLOCK)
+    ring = (np.hypot(x, y) > 1 / 6) & (np.hypot(x, y) < 1 / 3)
+    sector = np.round(np.arctan2(y, x) * 8 / np.pi).astype(int) % 8
+    power = [np.percentile(spectra[:, ring & (sector == s)].mean(axis=1), 10) for s in range(8)]
+    return float(np.sqrt(min(power)) * min(power) / max(*power, 1e-12))
 
 
 def _box(image: np.ndarray) -> np.ndarray:
@@ -182,12 +206,13 @@ def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float
         value += v
         total += w
         lever = tiles.levers(tile, scene.intrinsics, scene.timing.rows, axes)
-        gradient += np.einsum("ikp,ikc,ica->pa", basis, by_sample, lever)
+        gradient += np.tensordot(basis, by_sample @ lever, axes=((0, 1), (0, 1)))
     return value / total, gradient / total
 
 
-def energy(scene: Scene, trajectory: Trajectory, *, mu: float = 1e-3) -> float:
-    """The paper's objective (Eq. 8) at its minimum over the latent image, a pixel's mean."""
+def energy(scene: Scene, trajectory: Trajectory) -> float:
+    """The paper's objective (Eq. 8) at its minimum over the latent image, a pixel's mean; mu rises with the noise's power."""
+    mu = 1e-3 * float(np.clip((scene.noise / PLAIN_NOISE) ** 2, 1, 10))
     count = 1 if trajectory.coefficients.shape[1] == 2 else scene.tiles
     total = pixels = 0.0
     for tile in tiles.split(scene.intrinsics.cols, count, 0):

@@ -259,10 +259,12 @@ def fit(
     stiffness: float,
     keep: int = 4,
     start: Polynomial | None = None,
+    doubting: bool = False,
 ) -> list[Candidate]:
     """Distinct trajectories that explain the strips' kernels, best first.
 
-    Without a start: two axes, from every choice of signs of the strips' velocities. With one: its axes, from there.
+    Without a start: two axes, from every choice of signs of the strips' velocities. With one: its axes, from there,
+    `doubting` from the beginning the kernels that disagree with it.
     """
     axes = 2 if start is None else start.coefficients.shape[1]
     design = _design(strips, timing, intrinsics, degree, axes)
@@ -277,12 +279,18 @@ def fit(
     weights = weights / weights.sum()
     energies, scale, sigma = np.zeros(len(x)), 1.0, 1.0
     grid, targets = np.zeros(0), np.zeros((0, 0, 0))  # those of the last round serve below
+
+    def trust() -> Float[np.ndarray, " strips"]:
+        return _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
+
     rounds = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))
     for sigma, steps, survivors in rounds if start is None else rounds[1:]:
         step = max(1.0, sigma / 1.5)
         n = int(np.ceil((half + 2 * sigma) / step))
         grid = np.arange(-n, n + 1) * step
         targets = _targets(strips, grid, sigma)
+        if doubting:
+            weights = trust()
         scale = float(weights @ (targets**2).sum(axis=(1, 2)))
         prior = np.full(len(spread), stiffness * scale)
         x, energies = _levenberg(x, design, targets, weights, grid, sigma, prior, steps)
@@ -294,7 +302,7 @@ def fit(
                 break
         x, energies = x[kept], energies[kept] / scale
         if sigma == 1.5:
-            weights = _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
+            weights = trust()
     curve = _curve(timing, degree, axes)
     return [
         Candidate(

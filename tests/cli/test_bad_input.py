@@ -79,7 +79,7 @@ def empty(path: Path) -> None:
     ("name", "make", "words"),
     [
         ("absent.png", nothing, ["does not exist"]),
-        ("folder.png", folder, ["is a folder"]),
+        ("folder.png", folder, ["no pictures"]),
         ("empty.png", empty, ["is empty"]),
         ("letter.png", text_named_png, ["must be a PNG, TIFF, JPEG or raw photograph"]),
         ("cut.png", truncated(".png"), ["is cut short"]),

@@ -104,10 +104,10 @@ def test_the_true_path_is_sparser_than_one_that_is_a_pixel_longer_or_shorter(shi
 
 
 def test_the_energy_of_the_paper_is_lower_at_the_truth_than_run_backwards_or_too_long(shifted: Scene):
-    true = energy(shifted, path(SHIFT), mu=1e-3)
+    true = energy(shifted, path(SHIFT))
     back = SHIFT * np.array([1, -1, 1, -1])[:, None]
-    assert true < energy(shifted, path(1.3 * SHIFT), mu=1e-3)
-    assert true < energy(shifted, path(back), mu=1e-3)
+    assert true < energy(shifted, path(1.3 * SHIFT))
+    assert true < energy(shifted, path(back))
 
 
 def test_refinement_comes_nearer_to_the_truth_and_keeps_the_gauge(shifted: Scene):

@@ -1,0 +1,442 @@
+"""One clip, from file to file: every question settled, cut into chunks, each restored by itself, and all of them encoded.
+
+A chunk is restored from its own frames, `warm_up` frames before and two behind them, so that the result does not depend on
+who restores which chunk.
+"""
+
+import hashlib
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from importlib.metadata import version
+from itertools import chain, pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel
+
+from rsvideo.config import gcsv, sidecar
+from rsvideo.config import motion as motion_file
+from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.config.sidecar import FrameRecord
+from rsvideo.frame import Frame, Verdict
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.tone import Transfer
+from rsvideo.physics.trajectory import Trajectory, still
+from rsvideo.pipeline import known
+from rsvideo.restoration import clip as clip_motion
+from rsvideo.restoration import steady, timing
+from rsvideo.restoration.blind import Settings, restore
+from rsvideo.video import colour, cuts, decode, planes
+from rsvideo.video.clip import Picture, Stream
+from rsvideo.video.encode import Encoding, Writer, chosen
+
+SMALLEST = 32  # px a side; below, there is nothing to measure motion by
+LONGEST = 32  # frames of a chunk, and fewer of large pictures:
+MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
+WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
+STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
+MOVING = 1.0  # and from here on it is fully restored: between, both are mixed, so that nothing flickers
+_SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
+_FROM_PATH = "the clip's path"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipJob:
+    """What is asked for one clip; None leaves the answer to the file or to the method."""
+
+    source: Path
+    output: Path
+    exposure: float | None  # seconds; this or shutter_angle
+    shutter_angle: float | None  # degrees
+    readout: float | None  # seconds; this, row_time or scanlines_total
+    row_time: float | None  # seconds
+    scanlines_total: int | None
+    direction: Direction | None
+    camera: str | None  # a profile's name or file, or a camera of the public table
+    focal_px: float | None
+    transfer: str | None
+    trajectory: Path | None  # motion that is given
+    method: Literal["rsvideo", "none"]
+    steering: Mapping[str, Any]  # the core's settings under their names; those left out have their defaults
+    encoding: Mapping[str, Any]  # codec, quality, pixel_format
+    path: Literal["keep", "smooth"]  # of the camera, in what is written
+    span: tuple[float, float] | None  # seconds, the part that is restored
+    side_by_side: bool
+    on_damage: Literal["fail", "passthrough", "skip"]
+    rate: str | None  # frames a second of a sequence of pictures
+    force: bool  # take a timing that cannot be, too
+    overwrite: bool
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClipTask:
+    """A job whose every question is answered."""
+
+    job: ClipJob
+    stream: Stream
+    resolved: timing.Resolved
+    camera: sidecar.Camera
+    settings: Settings
+    encoding: Encoding
+    first: int  # frames [first, last) are restored
+    last: int
+    notes: tuple[str, ...]  # what the user should know before the work
+
+    @property
+    def timing(self) -> ShutterTiming:
+        """Of every frame."""
+        return self.resolved.timing
+
+    @property
+    def timing_source(self) -> str:
+        """Who said so."""
+        return self.resolved.source
+
+    @property
+    def frames(self) -> int:
+        """How many are restored."""
+        return self.last - self.first
+
+    @property
+    def rows(self) -> int:
+        """As stored."""
+        return self.stream.rows
+
+    @property
+    def cols(self) -> int:
+        """As stored."""
+        return self.stream.cols
+
+    @property
+    def record(self) -> Path:
+        """Where the sidecar goes."""
+        return self.job.output.with_suffix(".rsvideo.json")
+
+    @property
+    def gyro(self) -> Path:
+        """Where the motion goes as a gyroscope's log."""
+        return self.job.output.with_suffix(".gcsv")
+
+    def estimate(self) -> tuple[float, int]:
+        """Seconds of work and bytes of disk while it lasts, roughly."""
+        pixels = self.frames * self.rows * self.cols
+        return 0.0 if self.job.method == "none" else pixels * _SECONDS_A_PIXEL, self.frames * _picture_bytes(self.stream)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chunk:
+    """Frames first to last, both included, restored with `warm_up` frames before them in view."""
+
+    index: int
+    first: int
+    last: int
+    warm_up: int
+
+
+class ChunkRecord(BaseModel):
+    """A chunk that was restored: what became of its frames, and the file that holds them."""
+
+    frames: list[FrameRecord]
+    steps: list[list[float]]  # from each frame's pose to the next one's: x and y in px, roll in rad
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of a clip."""
+
+    notes: tuple[str, ...]
+    restored: int
+    left: int
+    failed: int  # frames that could not be decoded as they were meant
+    seconds: float
+
+
+def prepare(job: ClipJob) -> ClipTask:
+    """Probe the clip and settle timing, camera and encoding; raises ValueError, UnreadableError or FileExistsError."""
+    _check_output(job)
+    clip = known.gather(job.source, camera=job.camera, rate=None if job.rate is None else _rate(job.rate), on_damage=job.on_damage)
+    stream = clip.stream
+    if min(stream.rows, stream.cols) < SMALLEST:
+        raise UnreadableError(f"{job.source} must be at least {SMALLEST} x {SMALLEST} px, it is {stream.cols} x {stream.rows}")
+    if job.transfer:
+        stream = replace(stream, colour=replace(stream.colour, transfer=Transfer(job.transfer)))
+    first, last = _span(job, stream)
+    notes = clip.notes
+    if job.method == "none":
+        asked = timing.Asked(exposure=1e-3, readout=0.0)  # which nobody looks at
+    else:
+        asked = timing.Asked(
+            exposure=job.exposure,
+            shutter_angle=job.shutter_angle,
+            readout=job.readout,
+            row_time=job.row_time,
+            scanlines_total=job.scanlines_total,
+            direction=job.direction,
+            force=job.force,
+        )
+    resolved = timing.resolve(asked, clip.shutter)
+    camera, more = _camera(job, clip)
+    encoding = Encoding(**job.encoding)
+    _, _, told = chosen(job.output, stream, encoding)
+    return ClipTask(
+        job=job,
+        stream=stream,
+        resolved=resolved,
+        camera=camera,
+        settings=Settings(**job.steering),
+        encoding=encoding,
+        first=first,
+        last=last,
+        notes=(*notes, *resolved.notes, *more, *told),
+    )
+
+
+def _check_output(job: ClipJob) -> None:
+    folder = job.output.parent
+    if not folder.is_dir():
+        raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")
+    if job.output.resolve() == job.source.resolve():
+        raise ValueError(f"OUTPUT must not be INPUT, both are {job.output}; the original is never replaced")
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise ValueError(f"the folder {folder} of OUTPUT must be writable: {error.strerror}; is it yours?") from error
+    for path in (job.output, job.output.with_suffix(".rsvideo.json"), job.output.with_suffix(".gcsv")):
+        if path.exists() and not job.overwrite:
+            raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
+
+
+def _rate(words: str) -> Fraction:
+    try:
+        rate = Fraction(words)
+    except (ValueError, ZeroDivisionError):
+        rate = Fraction(0)
+    if not Fraction(1, 100) <= rate <= 100_000:
+        raise ValueError(f"rate must be frames a second, such as 24 or 30000/1001, got {words!r}")
+    return rate
+
+
+def _span(job: ClipJob, stream: Stream) -> tuple[int, int]:
+    """Frames [first, last) that are shown within the span."""
+    if job.span is None:
+        return 0, stream.frames
+    seconds = (stream.times - stream.times[0]) * float(stream.time_base)
+    first, last = (int(np.searchsorted(seconds, t - 1e-6)) for t in job.span)
+    if first >= last:
+        raise ValueError(
+            f"range must hold at least one frame of the clip's {stream.duration_s:.3f} s, got {job.span[0]:g} s to {job.span[1]:g} s;"
+            " is it in minutes:seconds?"
+        )
+    return first, last
+
+
+def _camera(job: ClipJob, clip: known.KnownClip) -> tuple[sidecar.Camera, tuple[str, ...]]:
+    rows, cols = clip.stream.rows, clip.stream.cols
+    if job.focal_px is not None:
+        focal, source = job.focal_px, "explicit"
+    elif clip.focal is not None:
+        focal, source = clip.focal.value, clip.focal.source
+    elif job.method == "none" or (job.steering.get("motion") == "shift" and job.trajectory is None):
+        focal, source = float(max(rows, cols)), "assumed"
+    else:
+        raise ValueError(
+            f"focal-px must be given, {job.source} does not say its focal length; it is about 0.7 to 0.9 times the longer side"
+            " for most phones, focal length / sensor's width * columns for cameras; --motion shift does without"
+        )
+    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source), ()
+
+
+def _picture_bytes(stream: Stream) -> int:
+    c = stream.colour
+    chroma = 0 if c.subsampling == "4:0:0" else 2 / (1 << sum(c.chroma_shift))
+    return round(stream.rows * stream.cols * (1 + chroma) * (4 if c.floating else 1 if c.depth == 8 else 2))
+
+
+def chunks(task: ClipTask) -> list[Chunk]:
+    """The clip cut at its changes of scene, and long scenes into equal parts; depends on the clip alone."""
+    longest = max(8, min(LONGEST, MOST_BYTES // _picture_bytes(task.stream)))
+    scenes = [task.first, *(() if task.job.method == "none" else cuts.cuts(_pictures(task), task.stream.colour)), task.last]
+    out: list[Chunk] = []
+    for begin, end in pairwise(scenes):
+        edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()
+        out += [Chunk(index=len(out) + n, first=a, last=b - 1, warm_up=min(WARM_UP, a - begin)) for n, (a, b) in enumerate(pairwise(edges))]
+    return out
+
+
+def _pictures(task: ClipTask, first: int | None = None, last: int | None = None) -> Iterator[Picture]:
+    return decode.pictures(
+        task.stream,
+        task.first if first is None else first,
+        task.last if last is None else last,
+        on_damage=task.job.on_damage,
+    )
+
+
+def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str, float], None]) -> ChunkRecord:
+    """Restore a chunk into a file of `folder`."""
+    begin, end = chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, task.last)
+    pictures = list(_pictures(task, begin, end))
+    wanted = [p for p in pictures if chunk.first <= p.index <= chunk.last]
+    if task.job.method == "none":
+        ways, steps = [None] * len(wanted), np.zeros((len(wanted), 3))
+    else:
+        ways, steps = _ways(task, pictures, lambda index: observe(index, "motion", 0.0))
+        mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
+        ways, steps = [ways[k] for k in mine], steps[mine]
+    records: list[FrameRecord] = []
+
+    def restored() -> Iterator[Picture]:
+        for picture, way in zip(wanted, ways, strict=True):
+            observe(picture.index, "restoring", 0.3)
+            out, record = _restored(task, picture, way)
+            records.append(record)
+            observe(picture.index, "restoring", 1.0)
+            yield out
+
+    name = f"{chunk.index:06}.zip"
+    sha256 = planes.write(folder / name, restored())
+    return ChunkRecord(frames=records, steps=[[*s, 0.0][:3] for s in steps.tolist()], file=name, sha256=sha256)
+
+
+def _frame(task: ClipTask, picture: Picture) -> Frame:
+    pixels, clipped = colour.light(picture, task.stream.colour)
+    return Frame(pixels=pixels, clipped=clipped, time=picture.time, index=picture.index)
+
+
+def _ways(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[int], None]) -> tuple[list[Trajectory | None], np.ndarray]:
+    """The motion within each frame, and from each to the next."""
+    camera = task.camera.intrinsics
+    if task.job.trajectory is not None:
+        given = task.job.trajectory
+        ways = [motion_file.read(given, task.timing, camera, index=p.index, begins=p.time) for p in pictures]
+        return list(ways), np.zeros((len(ways), 3))
+    frames = (_frame(task, p) for p in pictures)
+    found = clip_motion.movement(frames, task.timing, camera, task.settings, observe)
+    return found.within, found.steps
+
+
+def _restored(task: ClipTask, picture: Picture, way: Trajectory | None) -> tuple[Picture, FrameRecord]:
+    """One frame along its way, or blind where it has none."""
+    started = time.monotonic()
+    verdict = Verdict.UNTOUCHED if task.job.method == "none" else Verdict.DAMAGED if picture.damaged else None
+    share = 1.0
+    if verdict is None and way is not None:
+        t = np.linspace(*task.timing.interval, 33)
+        moved = float(np.linalg.norm(np.ptp(way.at(t)[:, :2], axis=0)))
+        share = float(np.clip((moved - STILL) / (MOVING - STILL), 0, 1))
+        verdict = None if share > 0 else Verdict.SHARP
+    out = picture
+    if verdict is None:
+        frame = _frame(task, picture)
+        result = restore(frame, task.timing, task.camera.intrinsics, task.settings, timing_source=task.timing_source, trajectory=way)
+        verdict, way = result.verdict, result.trajectory
+        if verdict is Verdict.RESTORED:
+            light = frame.pixels + np.float32(share) * (np.clip(result.latent, 0, 1) - frame.pixels)
+            out = colour.codes(light, picture, task.stream.colour)
+    way = still(task.timing.interval, degree=1, axes=3) if way is None else way
+    t = sidecar.Sampled.times(way.t0, way.t1)
+    record = FrameRecord(
+        index=picture.index,
+        time_s=picture.time,
+        timing=sidecar.Timing(exposure_s=task.timing.exposure, row_time_s=task.timing.row_time, source=task.timing_source),
+        trajectory=sidecar.Sampled.of(t, way.at(t)),
+        verdict=verdict,
+        seconds=time.monotonic() - started,
+    )
+    return out, record
+
+
+def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
+    """Encode the restored frames as the original was; then the sidecar and the gyroscope's log."""
+    frames = [frame for record in records for frame in record.frames]
+    stream, camera = task.stream, task.camera.intrinsics
+    turns, enlargement = np.zeros((len(frames), 3)), 1.0
+    if task.job.path == "smooth":
+        steps = np.array([step for record in records for step in record.steps])
+        turns, enlargement = steady.corrections(steps, float(stream.rate), camera)
+    pictures = chain.from_iterable(
+        planes.read(folder / record.file, stream, [frame.index for frame in record.frames]) for record in records
+    )
+    if task.job.path == "smooth":
+        pictures = (_turned(task, p, turn, enlargement) for p, turn in zip(pictures, turns, strict=True))
+    if task.job.side_by_side:
+        pictures = (_beside(before, after) for before, after in zip(_pictures(task), pictures, strict=True))
+        stream = replace(stream, cols=2 * stream.cols)
+    with Writer(task.job.output, stream, task.encoding, first=task.first, last=task.last) as writer:
+        for picture in pictures:
+            writer.write(picture)
+    files = {task.record: _record(task, frames).encode()}
+    notes = writer.notes
+    if task.job.method != "none" and (log := _log(task, records)):
+        files[task.gyro] = log
+    write_whole(files)
+    if task.job.path == "smooth":
+        notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
+    return Outcome(
+        notes=notes,
+        restored=sum(f.verdict == Verdict.RESTORED for f in frames),
+        left=sum(f.verdict not in (Verdict.RESTORED, Verdict.DAMAGED) for f in frames),
+        failed=sum(f.verdict == Verdict.DAMAGED for f in frames),
+        seconds=sum(f.seconds for f in frames),
+    )
+
+
+def _turned(task: ClipTask, picture: Picture, turn: np.ndarray, enlargement: float) -> Picture:
+    pixels = colour.light(picture, task.stream.colour)[0]
+    return colour.codes(steady.shown(pixels, turn, enlargement, task.camera.intrinsics), picture, task.stream.colour)
+
+
+def _beside(before: Picture, after: Picture) -> Picture:
+    return replace(after, planes=tuple(np.hstack(pair) for pair in zip(before.planes, after.planes, strict=True)))
+
+
+def _record(task: ClipTask, frames: list[FrameRecord]) -> sidecar.Sidecar:
+    return sidecar.Sidecar(
+        input=str(task.job.source),
+        settings=sidecar.Settings(
+            rsvideo=version("rsvideo"),
+            camera=task.camera,
+            direction=task.timing.direction,
+            transfer=task.stream.colour.transfer,
+            trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
+            restoration=json.loads(json.dumps(asdict(task.settings))),
+            input_sha256=_sha256(task.stream),
+            encoding=json.loads(json.dumps(asdict(task.encoding))),
+        ),
+        frames=frames,
+    )
+
+
+def _sha256(stream: Stream) -> str:
+    """Of the file, or of a sequence's files one after the other."""
+    digest = hashlib.sha256()
+    for path in stream.files or (stream.path,):
+        with path.open("rb") as file:
+            while block := file.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def _log(task: ClipTask, records: list[ChunkRecord]) -> bytes | None:
+    """The motion over the whole clip as a gyroscope would have recorded it; None of less than two frames."""
+    frames = [frame for record in records for frame in record.frames]
+    if len(frames) < 2:
+        return None
+    steps = np.array([step for record in records for step in record.steps])
+    t, poses = clip_motion.joined(
+        np.array([f.time_s for f in frames]),
+        [(np.array(f.trajectory.t_s), f.trajectory.poses()) for f in frames],
+        steps,
+        task.timing,
+    )
+    c = task.camera.intrinsics
+    angles = np.stack([-poses[:, 1] / c.fy, poses[:, 0] / c.fx, poses[:, 2]], axis=1)
+    return gcsv.encode(t - t[0], angles, timing=task.timing, video=task.job.output.name, model="rsvideo")

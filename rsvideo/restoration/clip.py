@@ -1,0 +1,227 @@
+"""One continuous path through a run of frames, from the points that move between them and from the blur within them.
+
+A point tracked from one frame to the next observes the mean pose over one scanline's exposure against that over another's,
+each at its own time: linear in the path's coefficients. That settles the slow part of the motion, and the direction of time,
+which blur shows badly; blur shows the fast part, within an exposure. The path is one spline C, and
+
+    sum_k f_k(C) + tau (C - C_0)^T H (C - C_0)
+
+is minimised over it, with f_k the sparsity of frame k's latent image (restoration.motion), and C_0, H what the tracks say.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
+
+from rsvideo.frame import Frame
+from rsvideo.physics.camera import Intrinsics, lever
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, still
+from rsvideo.restoration import motion
+from rsvideo.restoration.blind import Settings, intrinsics_along, observed, windowed
+from rsvideo.restoration.motion import Scene
+from rsvideo.restoration.strips import shake_spread
+from rsvideo.restoration.tracks import Tracks, codes, track
+
+KNOTS = 3  # spline pieces a frame's interval
+TERMS = 7  # of the polynomial that stands for the spline within one frame
+INDEPENDENT = 20  # points of a pair that count; the others share their errors, which blur causes
+STIFFNESS = 1.0  # of the prior on a hand's motion
+ROUNDS = 6  # of reweighting
+NODES = 33  # rows at which the basis is averaged; others by linear interpolation
+TRUST = 2e-3  # tau
+BLURRED = 6.0  # px an exposure, from which on blur adds to what tracks say
+STEPS = 6  # of the refinement
+SAMPLE = 1e-3  # s, of a path over all frames
+COLS = 480  # with most texture, which serve it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """A path in px and rad over a run of frames, and how well it is known."""
+
+    spline: Spline  # seconds of the clip
+    precision: Float[np.ndarray, "unknowns unknowns"]  # H, of the coefficients, row by row
+
+
+def windows(path: Spline, begins: float, timing: ShutterTiming, terms: int = TERMS) -> Float[np.ndarray, "terms coefficients"]:
+    """M: the spline's coefficients to those of the polynomial nearest to it over the frame that begins at `begins`."""
+    t = np.linspace(*timing.interval, 4 * terms)
+    basis = _polynomial(timing, 2, terms).basis(t)
+    return np.linalg.lstsq(basis, path.basis(t + begins), rcond=None)[0]
+
+
+def within(path: Spline, begins: float, timing: ShutterTiming) -> Trajectory:
+    """The path within the frame that begins at `begins`, from its pose at the middle of the frame's interval."""
+    poly = _polynomial(timing, path.coefficients.shape[1]).with_coefficients(windows(path, begins, timing) @ path.coefficients)
+    return centred(poly, timing.middle)
+
+
+def _polynomial(timing: ShutterTiming, axes: int, terms: int = TERMS) -> Polynomial:
+    return still(timing.interval, degree=terms - 1, axes=axes)
+
+
+def follow(
+    tracks: Sequence[Tracks], begins: Float[np.ndarray, " frames"], timing: ShutterTiming, intrinsics: Intrinsics, axes: int
+) -> Path:
+    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion."""
+    start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
+    terms = 3 + max(1, int(np.ceil((end - start) / timing.interval[1] * KNOTS)))
+    path = Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
+    pairs = [_Pair.of(t, begins[k : k + 2], timing, intrinsics, path) for k, t in enumerate(tracks) if len(t.before)]
+    steps = np.arange(start, end - timing.interval[1] + 1e-9, timing.interval[1] / 2)
+    projections = [windows(path, t, timing)[1:] for t in steps]
+    unit = np.array([1, 1, 1 / intrinsics.fx])[:axes]
+    precision, reaches = np.eye(terms * axes), np.full(len(steps), 4.0)
+    for _ in range(ROUNDS):
+        precision = np.diag(np.tile(1e-6 / unit**2, terms))  # where the path begins is free
+        right = np.zeros(terms * axes)
+        for pair in pairs:
+            normal, b = pair.system(path.coefficients)
+            precision += normal
+            right += b
+        for m, reach in zip(projections, reaches, strict=True):
+            spread = shake_spread(TERMS - 1, timing)[:, None] * reach * unit
+            for a in range(axes):
+                precision[a::axes, a::axes] += STIFFNESS * m.T @ (m / spread[:, a, None] ** 2)
+        path = path.with_coefficients(np.linalg.solve(precision, right).reshape(terms, axes))
+        reaches = np.array([_reach(path, t, timing) for t in steps])
+    return Path(spline=path, precision=precision)
+
+
+def _reach(path: Spline, begins: float, timing: ShutterTiming) -> float:
+    """The length in px of the path within one exposure, at the middle of a frame; at least 2."""
+    t = begins + timing.middle + timing.exposure * np.linspace(-0.5, 0.5, 9)
+    return max(2.0, float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum()))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pair:
+    """The points between two frames as linear equations: moved = design @ coefficients."""
+
+    design: Float[np.ndarray, "points terms"]  # of the mean pose at the second sight, less that at the first
+    levers: Float[np.ndarray, "points 2 axes"]
+    moved: Float[np.ndarray, "points 2"]
+
+    @classmethod
+    def of(cls, tracks: Tracks, begins: np.ndarray, timing: ShutterTiming, intrinsics: Intrinsics, path: Spline) -> "_Pair":
+        nodes = np.linspace(0, timing.rows - 1, NODES)
+        times = nodes[:, None] * timing.row_time + timing.sample_times(8)[0]
+        seen = []
+        for at, points in zip(begins, (tracks.before, tracks.after), strict=True):
+            basis = path.basis(times + at).mean(axis=1)
+            place = np.clip(points[:, 1] / (timing.rows - 1) * (NODES - 1), 0, NODES - 1 - 1e-9)
+            low, share = place.astype(int), (place % 1)[:, None]
+            seen.append((1 - share) * basis[low] + share * basis[low + 1])
+        middle = 0.5 * (tracks.before + tracks.after)
+        return cls(
+            design=seen[1] - seen[0],
+            levers=lever(intrinsics, middle[:, 0], middle[:, 1], path.coefficients.shape[1]),
+            moved=tracks.before - tracks.after,  # a camera that moves right moves the image left
+        )
+
+    def system(self, coefficients: Float[np.ndarray, "terms axes"]) -> tuple[np.ndarray, np.ndarray]:
+        """Precision and right side, each point weighted by how well the path explains it (Cauchy's weights)."""
+        residual = self.moved - np.einsum("nca,nt,ta->nc", self.levers, self.design, coefficients)
+        size = np.linalg.norm(residual, axis=1)
+        scale = max(float(np.median(size)), 0.15)
+        weight = 1 / (1 + (size / (2 * scale)) ** 2) / scale**2
+        weight *= min(1.0, INDEPENDENT / len(weight))
+        full = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(len(weight), 2, -1)
+        weighted = full * weight[:, None, None]
+        return np.einsum("nci,ncj->ij", weighted, full, optimize=True), np.einsum("nci,nc->i", weighted, self.moved)
+
+
+def refine(scenes: Sequence[Scene], begins: Sequence[float], known: Path, *, steps: int) -> Path:
+    """Minimise the sum of the scenes' f and tau (C - C_0)^T H (C - C_0) by L-BFGS, in units of H's own spread."""
+    path, shape = known.spline, known.spline.coefficients.shape
+    root = np.linalg.cholesky(known.precision)
+    local = [windows(path, t, s.timing) for s, t in zip(scenes, begins, strict=True)]
+
+    def at(z: np.ndarray) -> np.ndarray:
+        return path.coefficients + solve_triangular(root, z, trans=1, lower=True).reshape(shape)
+
+    def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
+        coefficients = at(z)
+        value, gradient = 0.0, np.zeros(shape)
+        for scene, m in zip(scenes, local, strict=True):
+            inside = m @ coefficients
+            inside[0] = 0  # a gauge
+            f, slope = motion.objective(scene, _polynomial(scene.timing, shape[1]).with_coefficients(inside), 3 * scene.ridge)
+            slope[0] = 0
+            value += f
+            gradient += m.T @ slope
+        slope = solve_triangular(root, gradient.ravel(), lower=True)
+        return 100 * (value + TRUST * float(z @ z)), 100 * (slope + 2 * TRUST * z)
+
+    options = {"maxiter": steps, "maxfun": steps + 4, "ftol": 1e-6}
+    found = minimize(penalised, np.zeros(root.shape[0]), jac=True, method="L-BFGS-B", options=options)
+    return Path(spline=path.with_coefficients(at(found.x)), precision=known.precision)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Movement:
+    """How the camera moved within each frame of a run, and from each to the next; in image axes."""
+
+    within: list[Trajectory | None]  # None where no point could be followed: such a frame stands alone
+    steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next; 0 at a break
+
+
+def movement(
+    frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings, observe: Callable[[int], None]
+) -> Movement:
+    """The motion of successive frames of one camera; `observe` is told of each frame taken in. Frames are not kept."""
+    begins: list[float] = []
+    scenes: list[Scene] = []
+    links: list[Tracks] = []
+    before = None
+    for frame in frames:
+        scene = observed(frame, timing, intrinsics, settings)
+        after = codes(scene.frame)
+        if before is not None:
+            links.append(track(before, after))
+        before = after
+        begins.append(frame.time)
+        scenes.append(windowed(scene, COLS))
+        observe(frame.index)
+    upright = replace(timing, direction=Direction.TOP_TO_BOTTOM)
+    axes = 3 if settings.motion == "rotation" else 2
+    turn = timing.direction.pose_from_scanlines[:axes, :axes]
+    tied = [len(t.before) > 0 for t in links]
+    known = np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(scenes))], bool)
+    if not known.any():
+        return Movement(within=[None] * len(scenes), steps=np.zeros((len(scenes), axes)))
+    full = intrinsics_along(intrinsics, timing)
+    path = follow(links, np.array(begins), upright, full, axes)
+    blurred = [k for k in np.flatnonzero(known) if _reach(path.spline, begins[k], upright) > BLURRED]
+    if blurred:
+        path = refine([scenes[k] for k in blurred], [begins[k] for k in blurred], path, steps=STEPS)
+    inside = [within(path.spline, t, upright) if k else None for t, k in zip(begins, known, strict=True)]
+    middles = path.spline.at(np.array(begins) + timing.middle) @ turn.T
+    steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array([*tied, False])[:, None]
+    return Movement(within=[p and p.with_coefficients(p.coefficients @ turn.T) for p in inside], steps=steps)
+
+
+def joined(
+    begins: Float[np.ndarray, " frames"],
+    within: Sequence[tuple[Float[np.ndarray, " samples"], Float[np.ndarray, "samples axes"]]],
+    steps: Float[np.ndarray, "frames axes"],
+    timing: ShutterTiming,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n axes"]]:
+    """One path over all frames, from the motion within each and from each to the next: neighbours fade into each other."""
+    at = np.vstack([np.zeros((1, steps.shape[1])), np.cumsum(steps[:-1], axis=0)])
+    t = np.arange(begins[0], begins[-1] + timing.interval[1], SAMPLE)
+    middles = begins + timing.middle
+    weight = np.zeros((len(begins), len(t)))
+    for k in range(len(begins)):  # linear between the middles of neighbours
+        weight[k] = np.interp(t, middles, np.eye(len(begins))[k])
+    poses = np.zeros((len(t), steps.shape[1]))
+    for k, (times, path) in enumerate(within):
+        near = np.flatnonzero(weight[k])
+        for a in range(steps.shape[1]):
+            poses[near, a] += weight[k, near] * (at[k, a] + np.interp(t[near] - begins[k], times, path[:, a]))
+    return t, poses

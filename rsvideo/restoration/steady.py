@@ -1,0 +1,57 @@
+"""A steadier camera: the restored frames shown from a smoothed path, cropped so that no border shows."""
+
+import math
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
+
+from rsvideo.physics.camera import Intrinsics, turned
+
+SMOOTHING = 0.4  # s, standard deviation of the Gaussian that smooths the path
+MOST_CROP = 1.25  # the largest enlargement; a path that needs more is smoothed less
+
+
+def corrections(
+    steps: Float[np.ndarray, "frames axes"], rate: float, intrinsics: Intrinsics
+) -> tuple[Float[np.ndarray, "frames 3"], float]:
+    """How far each restored frame is turned from the camera's pose to the smoothed one, and the enlargement that hides the borders.
+
+    `steps` lead from each frame's pose to the next; 0 at a cut.
+    """
+    poses = np.zeros((len(steps), 3))
+    poses[1:, : steps.shape[1]] = np.cumsum(steps[:-1], axis=0)
+    turns = gaussian_filter1d(poses, SMOOTHING * rate, axis=0, mode="nearest") - poses
+    need = _enlargement(turns, intrinsics)
+    share = min(1.0, (MOST_CROP - 1) / max(need - 1, 1e-9))
+    return turns * share, _enlargement(turns * share, intrinsics)
+
+
+def _enlargement(turns: Float[np.ndarray, "frames 3"], intrinsics: Intrinsics) -> float:
+    """What keeps the corners of every turned frame inside the frame that is there; to first order."""
+    rows, cols = intrinsics.rows, intrinsics.cols
+    x, y = np.meshgrid([0.0, cols - 1.0], [0.0, rows - 1.0])
+    moved = [turned(intrinsics, x, y, np.broadcast_to(t, (2, 2, 3))) for t in turns]
+    inward = np.abs(np.array(moved)).max(axis=(0, 1, 2))  # px, columns and rows
+    return float(max(1 / np.maximum(1 - 2 * inward / np.array([cols, rows]), 1e-3)))
+
+
+def shown(
+    pixels: Float[np.ndarray, "rows cols channels"], turn: Float[np.ndarray, "3"], enlargement: float, intrinsics: Intrinsics
+) -> Float[np.ndarray, "rows cols channels"]:
+    """The frame as a camera turned by `turn` sees it, enlarged about its centre (Lanczos)."""
+    if math.isclose(enlargement, 1) and not turn.any():
+        return pixels
+    rows, cols = pixels.shape[:2]
+    x, y = np.meshgrid(np.arange(cols, dtype=float), np.arange(rows, dtype=float))
+    x, y = (x - (cols - 1) / 2) / enlargement + (cols - 1) / 2, (y - (rows - 1) / 2) / enlargement + (rows - 1) / 2
+    moved = turned(intrinsics, x, y, np.broadcast_to(turn, (rows, cols, 3)))
+    out = cv2.remap(
+        pixels,
+        (x + moved[..., 0]).astype(np.float32),
+        (y + moved[..., 1]).astype(np.float32),
+        cv2.INTER_LANCZOS4,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+    return np.clip(out, 0, 1).reshape(pixels.shape)

@@ -1,0 +1,50 @@
+"""How the points of a scene move from one frame to the next, each observed at its own scanline's time."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+MOST = 400  # points a frame
+FEWEST = 24  # below, a pair of frames tells nothing: a cut, or nothing to see
+WINDOW = 31  # px; wider than the blur, so that both frames' versions of a point lie inside
+LEVELS = 4  # of the pyramid: displacements up to about 15 px * 2^4
+_WOBBLE = 6.0  # px; how far the scanlines' own motion may lift a point off the homography of the whole frame
+_RETURN = 1.0  # px; tracked there and back, a point must come home this closely
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracks:
+    """Points seen in two frames; (column, row) as observed."""
+
+    before: Float[np.ndarray, "points 2"]
+    after: Float[np.ndarray, "points 2"]
+
+
+def codes(luminance: Float[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "rows cols"]:
+    """The picture as tracking sees it: the root of light, where shadows have contrast too."""
+    return np.round(255 * np.sqrt(np.clip(luminance, 0, 1))).astype(np.uint8)
+
+
+def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"]) -> Tracks:
+    """Corners of the first frame found again in the second (Lucas-Kanade) that move as one rigid scene; none at a cut."""
+    rows, cols = before.shape
+    corners = cv2.goodFeaturesToTrack(before, MOST, 0.01, max(6.0, np.sqrt(rows * cols / MOST) / 2), blockSize=9)
+    nothing = np.zeros((0, 2))
+    if corners is None:
+        return Tracks(before=nothing, after=nothing)
+    options = {"winSize": (WINDOW, WINDOW), "maxLevel": LEVELS}
+    found, there, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, np.empty_like(corners), **options)
+    home, back, _ = cv2.calcOpticalFlowPyrLK(after, before, found, np.empty_like(corners), **options)
+    margin = WINDOW // 4
+    inside = ((found >= margin) & (found <= np.array([cols, rows]) - 1 - margin)).all(axis=(1, 2))
+    near = (there[:, 0] == 1) & (back[:, 0] == 1) & inside & (np.linalg.norm(home - corners, axis=2)[:, 0] < _RETURN)
+    first, second = corners[near, 0], found[near, 0]
+    if len(first) < FEWEST:
+        return Tracks(before=nothing, after=nothing)
+    _, same = cv2.findHomography(first, second, cv2.RANSAC, _WOBBLE)
+    kept = np.zeros(len(first), bool) if same is None else same[:, 0] == 1
+    if kept.sum() < max(FEWEST, 0.4 * len(first)):  # two scenes, or one that moves by itself
+        return Tracks(before=nothing, after=nothing)
+    return Tracks(before=first[kept].astype(float), after=second[kept].astype(float))

@@ -1,0 +1,58 @@
+"""Pictures kept losslessly between two steps of the work: one file, each plane a NumPy array in a ZIP archive."""
+
+import hashlib
+import io
+import os
+import zipfile
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rsvideo.config.files import UnreadableError
+from rsvideo.video.clip import Picture, Stream
+
+_LEVEL = 1  # of deflate: noise hardly shrinks more
+_DATE = (1980, 1, 1, 0, 0, 0)  # the same pictures make the same bytes
+
+
+def write(path: Path, pictures: Iterable[Picture]) -> str:
+    """Write the pictures so that the file appears whole or not at all; answers its SHA-256."""
+    part = path.with_name(path.name + ".part")
+    try:
+        with part.open("wb") as file:
+            with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as archive:
+                for picture in pictures:
+                    for k, plane in enumerate(picture.planes):
+                        data = io.BytesIO()
+                        np.save(data, plane, allow_pickle=False)
+                        archive.writestr(zipfile.ZipInfo(f"{picture.index}.{k}", _DATE), data.getvalue(), zipfile.ZIP_DEFLATED)
+            file.flush()
+            os.fsync(file.fileno())
+        with part.open("rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        part.replace(path)
+        return digest
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def read(path: Path, stream: Stream, indices: Iterable[int]) -> Iterator[Picture]:
+    """The pictures of these indices."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for index in indices:
+                planes: list[np.ndarray] = []
+                while f"{index}.{len(planes)}" in archive.NameToInfo:
+                    planes.append(np.load(io.BytesIO(archive.read(f"{index}.{len(planes)}")), allow_pickle=False))
+                yield replace(blank(stream, index), planes=tuple(planes))
+    except (zipfile.BadZipFile, ValueError) as error:
+        raise UnreadableError(f"{path} is damaged: {error}") from error
+
+
+def blank(stream: Stream, index: int) -> Picture:
+    """A picture of a stream without planes."""
+    return Picture(planes=(), index=index, pts=int(stream.times[index]), duration=stream.spacing(index), time=stream.seconds(index))
