@@ -1,0 +1,34 @@
+"""What a rolling shutter records under a light that flickers: the twin of `readout`, for tests and measurements."""
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.shutter import ShutterTiming
+
+
+def square(duty: float, terms: int = 25) -> Float[np.ndarray, " terms"]:
+    """Amplitudes a_h of cos(2 pi h f t) of a light that is on for a part `duty` of its period, about its mean 1."""
+    h = np.arange(1, terms + 1)
+    return 2 * np.sinc(h * duty)
+
+
+def sine(depth: float) -> Float[np.ndarray, " one"]:
+    """Amplitude of a light that swings by `depth` about its mean 1."""
+    return np.array([depth])
+
+
+def gains(
+    timing: ShutterTiming, begins: float, amplitudes: Float[np.ndarray, " terms"], *, hertz: float, cycles: float = 0.0
+) -> Float[np.ndarray, " scanlines"]:
+    """The light of each scanline, as a multiple of its mean: the mean over the exposure of a wave that is `cycles` ahead."""
+    h = np.arange(1, len(amplitudes) + 1)
+    middle = hertz * (begins + timing.row_start() + timing.exposure / 2) + cycles
+    seen = amplitudes * np.sinc(h * hertz * timing.exposure)  # a box of the exposure's length
+    return 1 + np.cos(2 * np.pi * np.outer(middle, h)) @ seen
+
+
+def lit(
+    scene: Float[np.ndarray, "rows cols channels"], timing: ShutterTiming, multiples: Float[np.ndarray, " scanlines"]
+) -> Float[np.ndarray, "rows cols channels"]:
+    """A scene in linear light under a light that scanlines see so many times as bright; stored rows in the image's order."""
+    return timing.direction.image(timing.direction.scanlines(scene) * multiples[:, None, None])
