@@ -34,9 +34,11 @@ _ORDER = 6  # of the autoregression that whitens
 _HARMONICS = (1, 2, 3, 4, 6, 8, 12)
 _SURE = 25.0  # gain of log-likelihood beyond what chance gives
 _ALIKE = 0.7  # of the energy of bands, that all columns share
+_FAINTEST = 5e-3  # of a light's energy, in a fundamental that is weaker than its harmonics
 _FOLLOWS = 0.7  # of the energy of bands, that follows the frames' times
 _WANDERS = 0.1  # of a cycle; less is standing still
 _NYQUIST = 0.45  # cycles a row; faster bands may be others' aliases
+_VAGUE = 0.05  # of the readout
 _EDGE = 0.5  # rows of the frame's height, which resampling of the sensor's rows leaves uncertain
 
 
@@ -103,6 +105,8 @@ def measure(
         )
     nu = wave.nu
     std = float(np.hypot(wave.spread(), nu * _EDGE / rows))
+    if std > _VAGUE * nu:
+        raise CannotTellError(f"the bands say the readout only to {std / nu:.0%}; more frames, a faster light or a plainer wall say more")
     return Bands(
         light=flicker,
         period=1 / nu,
@@ -206,6 +210,17 @@ class _Wave:
         """The likelihood, less what so many coefficients are worth (Schwarz)."""
         return self.likelihood(self.nu) - self.harmonics * len(self.runs.phases) * np.log(self.runs.samples)
 
+    @property
+    def evidence(self) -> float:
+        """The likelihood that may be compared between filters that whiten, for all of them leave the newest row's weight at 1."""
+        left = (1 - self.share(self.nu)) * np.sum(self.runs.values**2) / self.runs.samples
+        chance = self.harmonics * len(self.runs.phases) * np.log(self.runs.samples)
+        return -0.5 * self.runs.samples * float(np.log(max(left, 1e-300))) - chance
+
+    def before(self, raw: _Runs) -> float:
+        """The part of the energy that the wave explains before whitening."""
+        return _fitted(raw.values, raw, self.sign * self.nu, self.harmonics)[0]
+
     def follows(self, raw: _Runs) -> float:
         """The part of the energy that the fundamental explains before whitening, beyond what noise lends it."""
         share, _ = _fitted(raw.values, raw, self.sign * self.nu, 1)
@@ -265,28 +280,30 @@ def _search(raw: _Runs, grid: np.ndarray, signs: tuple[int, ...], taps: np.ndarr
     runs, rows = raw.whitened(taps), raw.parts.shape[-1]
     waves = [_Wave(runs=runs, nu=float(nu), sign=sign, harmonics=1, taps=taps) for sign in signs for nu in grid]
     best = max(waves, key=lambda wave: wave.likelihood(wave.nu)).refined()
-    for _ in range(rounds):  # whitening needs the wave, which needs whitening
-        best = _with_harmonics(best)
-        _, wave = _fitted(raw.values, raw, best.sign * best.nu, best.harmonics)
-        better = _whitening(raw.values - wave, taps)
-        best = replace(best, runs=raw.whitened(better), taps=better).refined()
-    best = _fundamental(_with_harmonics(best), float(grid[0]))
+    for _ in range(rounds):
+        best = _whitened(_with_harmonics(best), raw, taps)
+    best = _with_harmonics(best)
+    for times in (2, 3):  # the strongest wave may be the fundamental's harmonic
+        if best.nu / times >= grid[0]:
+            slower = replace(best, nu=best.nu / times, harmonics=times * best.harmonics).refined()
+            for _ in range(rounds):
+                slower = _whitened(slower, raw, taps)
+            if slower.evidence > best.evidence + _SURE and slower.before(raw) > (1 + _FAINTEST) * best.before(raw):
+                best = _with_harmonics(slower)
+                break
     return best if best.gain > _SURE and best.nu * rows > 0.1 else None
+
+
+def _whitened(wave: _Wave, raw: _Runs, taps: np.ndarray) -> _Wave:
+    """The wave fitted again, after whitening what it leaves: `taps`, and then an autoregression."""
+    _, fitted = _fitted(raw.values, raw, wave.sign * wave.nu, wave.harmonics)
+    better = _whitening(raw.values - fitted, taps)
+    return replace(wave, runs=raw.whitened(better), taps=better).refined()
 
 
 def _with_harmonics(wave: _Wave) -> _Wave:
     counts = [h for h in _HARMONICS if h * wave.nu < _NYQUIST] or [1]
     return max((replace(wave, harmonics=h).refined() for h in counts), key=lambda each: each.gain)
-
-
-def _fundamental(wave: _Wave, least: float) -> _Wave:
-    """The wave itself, or one of two or three times its period if that explains decidedly more."""
-    for times in (2, 3):
-        if wave.nu / times >= least:
-            slower = replace(wave, nu=wave.nu / times, harmonics=times * wave.harmonics).refined()
-            if slower.gain > wave.gain + _SURE:
-                return _with_harmonics(slower)
-    return wave
 
 
 def _whitening(residual: np.ndarray, taps: np.ndarray) -> np.ndarray:
