@@ -22,19 +22,21 @@ def corrections(
     """
     poses = np.zeros((len(steps), 3))
     poses[1:, : steps.shape[1]] = np.cumsum(steps[:-1], axis=0)
-    turns = gaussian_filter1d(poses, SMOOTHING * rate, axis=0, mode="nearest") - poses
-    need = _enlargement(turns, intrinsics)
-    share = min(1.0, (MOST_CROP - 1) / max(need - 1, 1e-9))
-    return turns * share, _enlargement(turns * share, intrinsics)
+    around = math.ceil(4 * SMOOTHING * rate)
+    longer = np.pad(poses, ((around, around), (0, 0)), mode="reflect", reflect_type="odd")  # a pan goes on beyond the clip's ends
+    turns = gaussian_filter1d(longer, SMOOTHING * rate, axis=0)[around:-around] - poses
+    most = 1 - 1 / MOST_CROP
+    turns = turns * min(1.0, most / max(_overlap(turns, intrinsics), 1e-9))
+    return turns, 1 / (1 - min(_overlap(turns, intrinsics), most))
 
 
-def _enlargement(turns: Float[np.ndarray, "frames 3"], intrinsics: Intrinsics) -> float:
-    """What keeps the corners of every turned frame inside the frame that is there; to first order."""
+def _overlap(turns: Float[np.ndarray, "frames 3"], intrinsics: Intrinsics) -> float:
+    """How far the corners of turned frames reach beyond the frame that is there, as a share of half its side; to first order."""
     rows, cols = intrinsics.rows, intrinsics.cols
     x, y = np.meshgrid([0.0, cols - 1.0], [0.0, rows - 1.0])
     moved = [turned(intrinsics, x, y, np.broadcast_to(t, (2, 2, 3))) for t in turns]
-    inward = np.abs(np.array(moved)).max(axis=(0, 1, 2))  # px, columns and rows
-    return float(max(1 / np.maximum(1 - 2 * inward / np.array([cols, rows]), 1e-3)))
+    outward = np.abs(np.array(moved)).max(axis=(0, 1, 2))  # px, columns and rows
+    return float((2 * outward / np.array([cols, rows])).max())
 
 
 def shown(

@@ -1,0 +1,52 @@
+"""Points are found again where they have moved to, and not found where there is nothing to follow."""
+
+import cv2
+import numpy as np
+import pytest
+import skimage.data
+
+from rsvideo.restoration.tracks import codes, track
+
+ROWS, COLS = 144, 200
+
+
+def view(x: float, y: float, scene: str = "camera") -> np.ndarray:
+    """What a camera sees whose top-left pixel lies at (x, y) of the scene."""
+    photograph = np.asarray(getattr(skimage.data, scene)()).astype(np.float32)
+    to_scene = np.array([[1, 0, x], [0, 1, y]], np.float64)
+    sharp = cv2.warpAffine(photograph, to_scene, (COLS, ROWS), flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP)
+    return np.clip(sharp, 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (2.3, -1.7), (-21.4, 12.6)])
+def test_a_shift_is_measured_to_a_tenth_of_a_pixel(shift: tuple[float, float]) -> None:
+    seen = track(view(130, 100), view(130 + shift[0], 100 + shift[1]))
+    assert len(seen.before) >= 60
+    apart = seen.before - seen.after - np.array(shift)  # a camera that moves right moves the image left
+    assert np.abs(np.median(apart, axis=0)).max() < 0.05
+    assert np.median(np.linalg.norm(apart, axis=1)) < 0.1
+
+
+def test_nothing_is_followed_across_a_cut() -> None:
+    assert len(track(view(130, 100), view(100, 100, "coins")).before) == 0
+    assert len(track(view(130, 100, "brick"), view(130, 100, "gravel")).before) == 0
+
+
+def test_nothing_is_followed_where_there_is_nothing_to_see() -> None:
+    flat = np.full((ROWS, COLS), 90, np.uint8)
+    assert len(track(flat, flat).before) == 0
+    assert len(track(view(130, 100), flat).before) == 0
+
+
+def test_what_moves_by_itself_is_left_out() -> None:
+    before, after = view(130, 100), view(134, 100)
+    before[50:95, 70:120], after[50:95, 90:140] = (view(200, 200, "gravel")[:45, :50],) * 2
+    seen = track(before, after)
+    apart = np.linalg.norm(seen.before - seen.after - [4, 0], axis=1)
+    assert len(apart) >= 40
+    assert apart.max() < 6
+
+
+def test_shadows_have_contrast_for_tracking() -> None:
+    light = np.array([[0.0, 0.0025, 0.01, 1.0, 1.5, -0.1]])
+    np.testing.assert_array_equal(codes(light), [[0, 13, 26, 255, 255, 0]])
