@@ -1,0 +1,154 @@
+"""A camera's profile on one page: how its lens bends, when its rows are read, how codes stand for light, how it is noisy."""
+
+import io
+
+import cv2
+import matplotlib
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rsvideo.config.camera import CameraProfile, Clock, Measured, Mode, Noise, Tone
+from rsvideo.config.camera import Lens as LensPart
+from rsvideo.physics import tone
+from rsvideo.physics.shutter import Direction
+from rsvideo.physics.tone import Transfer
+
+_BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
+_LINES, _POINTS = 13, 60  # of the grid, and along each of its lines
+
+
+def draw(profile: CameraProfile, kind: str) -> bytes:
+    """A figure file."""
+    with matplotlib.rc_context({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False, "svg.hashsalt": "rsvideo"}):
+        figure = Figure(figsize=(11.7, 8.3), layout="constrained")
+        grid = figure.add_gridspec(3, 2, height_ratios=(1.45, 0.55, 1))
+        _lens(figure.add_subplot(grid[0, 0]), profile.intrinsics, profile.mode)
+        _numbers(figure.add_subplot(grid[0, 1]), profile)
+        _timing(figure.add_subplot(grid[1, :]), profile.timing, profile.mode)
+        _tone(figure.add_subplot(grid[2, 0]), profile.tone)
+        _noise(figure.add_subplot(grid[2, 1]), profile.noise)
+        mode = profile.mode
+        title = f"{profile.camera}: {mode.cols} x {mode.rows}" + (f" at {mode.fps:.5g} fps" if mode.fps else "")
+        figure.suptitle(title.replace("$", r"\$"), fontsize=13)
+        file = io.BytesIO()
+        figure.savefig(file, format=kind, dpi=130)
+    return file.getvalue()
+
+
+def bent(lens: LensPart, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+    """Where the pixels of a pinhole camera without distortion are seen."""
+    matrix = np.array([[lens.fx.value, 0, lens.cx.value], [0, lens.fy.value, lens.cy.value], [0, 0, 1]])
+    if lens.distortion is None:
+        return points
+    k = np.array([number.value for number in lens.distortion.coefficients])
+    rays = (points - matrix[:2, 2]) / np.diag(matrix)[:2]
+    if lens.distortion.model == "fisheye":
+        return cv2.fisheye.distortPoints(rays[:, None], matrix, k.reshape(4, 1)).reshape(-1, 2)
+    at = np.concatenate([rays, np.ones((len(rays), 1))], axis=1)
+    return cv2.projectPoints(at, np.zeros(3), np.zeros(3), matrix, k)[0].reshape(-1, 2)
+
+
+def _missing(panel: Axes, words: str) -> None:
+    panel.axis("off")
+    panel.text(0.5, 0.5, words, ha="center", va="center", color=_GREY, transform=panel.transAxes)
+
+
+def _lens(panel: Axes, lens: LensPart | None, mode: Mode) -> None:
+    if lens is None:
+        return _missing(panel, "no lens: rsvideo calibrate lens")
+    across = np.linspace(0, mode.cols, _LINES)
+    down = np.linspace(0, mode.rows, max(3, round(_LINES * mode.rows / mode.cols)))
+    along_x, along_y = np.linspace(0, mode.cols, _POINTS), np.linspace(0, mode.rows, _POINTS)
+    lines = [np.stack([np.full(_POINTS, x), along_y], axis=1) for x in across] + [
+        np.stack([along_x, np.full(_POINTS, y)], axis=1) for y in down
+    ]
+    moved = 0.0
+    for line in lines:
+        seen = bent(lens, line)
+        panel.plot(*line.T, color=_GREY, lw=0.5)
+        panel.plot(*seen.T, color=_BLUE, lw=1.2)
+        moved = max(moved, float(np.linalg.norm(seen - line, axis=1).max()))
+    panel.plot(lens.cx.value, lens.cy.value, "+", color=_VERMILION, ms=14, mew=2)
+    panel.set(xlim=(-0.05 * mode.cols, 1.05 * mode.cols), ylim=(1.05 * mode.rows, -0.05 * mode.rows), aspect="equal")
+    panel.set_title(f"lens: straight lines (grey) as they are seen (blue); up to {moved:.4g} px", fontsize=10)
+    return None
+
+
+def _told(number: Measured, unit: str) -> str:
+    return f"{number.value:.6g}" + (f" ± {number.std:.2g}" if number.std is not None else "") + f" {unit}"
+
+
+def _numbers(panel: Axes, profile: CameraProfile) -> None:
+    lens, clock, lines = profile.intrinsics, profile.timing, []
+    if lens:
+        lines += [(name, _told(getattr(lens, name), "px")) for name in ("fx", "fy", "cx", "cy")]
+        if lens.distortion:
+            lines.append(("distortion", lens.distortion.model))
+            names = ("k1", "k2", "k3", "k4") if lens.distortion.model == "fisheye" else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+            lines += [(name, _told(k, "")) for name, k in zip(names, lens.distortion.coefficients, strict=False)]
+    if clock:
+        lines.append(("readout", _told(clock.readout_s.model_copy(update=_in_ms(clock.readout_s)), "ms")))
+    for part, what in ((lens, "lens"), (clock, "timing"), (profile.tone, "tone"), (profile.noise, "noise")):
+        if part and part.found and part.found.how:
+            lines.append((f"{what} by", f"{part.found.how[:60]} ({part.found.when or 'no date'})"))
+    panel.axis("off")
+    for number, (name, value) in enumerate(lines):
+        y = 1 - (number + 0.5) / max(len(lines), 12)
+        panel.text(0.0, y, name, va="center", fontsize=9, color=_GREY, transform=panel.transAxes)
+        panel.text(0.17, y, value.replace("$", r"\$"), va="center", fontsize=9, transform=panel.transAxes)
+
+
+def _in_ms(number: Measured) -> dict[str, float | None]:
+    return {"value": 1e3 * number.value, "std": None if number.std is None else 1e3 * number.std}
+
+
+def _timing(panel: Axes, clock: Clock | None, mode: Mode) -> None:
+    if clock is None:
+        return _missing(panel, "no timing: rsvideo calibrate readout")
+    readout, period = 1e3 * clock.readout_s.value, 1e3 / mode.fps if mode.fps else None
+    panel.barh(0, readout, color=_BLUE, height=0.5, label=f"read {clock.direction.value}: {readout:.4g} ms")
+    if clock.readout_s.std:
+        panel.errorbar(readout, 0, xerr=2e3 * clock.readout_s.std, color=_VERMILION, capsize=4)
+    if period:
+        panel.axvline(period, color=_GREY, lw=1, label=f"one frame: {period:.4g} ms")
+    by_row = clock.direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
+    lines = mode.rows if by_row else mode.cols
+    panel.set(yticks=[], ylim=(-0.5, 0.9), xlim=(0, 1.08 * max(readout, period or 0, 1e-3)), xlabel="ms")
+    panel.set_title(f"timing: {1e3 * readout / lines:.4g} µs from one {'row' if by_row else 'column'} to the next", fontsize=10)
+    panel.legend(frameon=False, ncols=2, loc="upper left", fontsize=9)
+    return None
+
+
+def _tone(panel: Axes, part: Tone | None) -> None:
+    if part is None or not (part.transfer or part.curve):
+        return _missing(panel, "no tone curve: rsvideo calibrate response")
+    codes = np.linspace(0, 1, 257, dtype=np.float32)
+    if part.curve:
+        light, name = np.interp(codes, np.linspace(0, 1, len(part.curve)), part.curve), "its own"
+    else:
+        light, name = tone.decode(Transfer(part.transfer), codes), str(part.transfer)
+    panel.plot(codes, np.maximum(light, 1e-5), color=_BLUE, lw=2, label=name)
+    panel.plot(codes, np.maximum(tone.decode(Transfer.SRGB, codes), 1e-5), color=_GREY, lw=1, ls="--", label="srgb")
+    if part.clip:
+        panel.axvline(part.clip.value, color=_VERMILION, lw=1, label=f"clipped from {part.clip.value:.4g}")
+    panel.set(yscale="log", ylim=(1e-4, 1.2), xlabel="code, as part of the highest", ylabel="light")
+    known = f" ± {part.curve_std:.1%}" if part.curve_std else ""
+    panel.set_title(f"tone{known}", fontsize=10)
+    panel.legend(frameon=False, fontsize=9)
+    return None
+
+
+def _noise(panel: Axes, noise: Noise | None) -> None:
+    if noise is None:
+        return _missing(panel, "no noise: rsvideo calibrate response")
+    light = np.geomspace(1e-4, 1, 200)
+    read, shot = noise.read.value, noise.shot.value
+    panel.loglog(light, np.maximum(np.sqrt(read**2 + shot * light), 1e-9), color=_BLUE, lw=2, label="both")
+    panel.loglog(light, np.maximum(np.full_like(light, read), 1e-9), color=_GREEN, lw=1, ls=":", label=f"read {_told(noise.read, '')}")
+    panel.loglog(light, np.maximum(np.sqrt(shot * light), 1e-9), color=_VERMILION, lw=1, ls="--", label=f"shot {_told(noise.shot, '')}")
+    panel.set(xlabel="light", ylabel="standard deviation of light")
+    panel.set_title("noise: variance = read² + shot · light", fontsize=10)
+    panel.legend(frameon=False, fontsize=9)
+    return None
