@@ -16,7 +16,7 @@ from rsvideo.video.clip import Picture, Stream
 MOST_VIEWS = 40  # more add time and little else
 _MOST_LOOKED_AT = 240  # of a clip's pictures
 _BLURRED = 1.6  # edges that many times as wide as the sharpest views' are blurred
-_ALIKE_IN_CLIP, _ALIKE = 0.06, 0.005  # how near two views may be, as part of the picture; photographs are taken on purpose
+_ALIKE_IN_CLIP, _ALIKE = 0.06, 0.005  # how near the board's corners may be, as part of the picture; photographs are taken on purpose
 _MOST_SHEAR, _NO_SHEAR = 1.0, 0.3  # px by which motion may shift a board's rows against each other; less than the latter does no harm
 _CLIPS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".mts", ".webm"}
 _STILLS = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf"}
@@ -107,6 +107,7 @@ def chosen(found: Sequence[View | Refused], *, clip: bool, readout: float | None
     sizes = [(view.rows, view.cols) for view in views]
     rows, cols = max(set(sizes), key=sizes.count)
     sharp = float(np.quantile([view.edge for view in views], 0.2))
+    outlines = {view.name: _outline(view) / max(view.rows, view.cols) for view in views}
     kept: list[View] = []
     for view in sorted(views, key=lambda view: (view.edge * (1 + (view.speed or 0) / (100 * cols)), view.name)):
         view, why = _moving(view, readout)
@@ -115,9 +116,9 @@ def chosen(found: Sequence[View | Refused], *, clip: bool, readout: float | None
         elif view.edge > _BLURRED * sharp:
             why = f"blurred: its edges are {view.edge:.1f} px wide, those of the sharp views {sharp:.1f} px"
         elif not why and kept:
-            near = min(kept, key=lambda other: _apart(view, other))
-            if _apart(view, near) < (_ALIKE_IN_CLIP if clip else _ALIKE):
-                why = f"much like {near.name}, which is sharper"
+            apart = [float(np.linalg.norm(outlines[view.name] - outlines[other.name], axis=1).mean()) for other in kept]
+            if min(apart) < (_ALIKE_IN_CLIP if clip else _ALIKE):
+                why = f"much like {kept[int(np.argmin(apart))].name}, which is sharper"
             elif len(kept) >= MOST_VIEWS:
                 why = f"{MOST_VIEWS} views are enough"
         if why:
@@ -200,11 +201,6 @@ def _speed(view: View, before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.n
     if seconds <= 0 or followed.mean() < 0.5:
         return None
     return float(np.median(np.linalg.norm((end - start)[followed], axis=-1))) / seconds
-
-
-def _apart(one: View, other: View) -> float:
-    """How far the board's four corners stand from those of another view, as part of the picture's longer side."""
-    return float(np.linalg.norm(_outline(one) - _outline(other), axis=1).mean()) / max(one.rows, one.cols)
 
 
 def _outline(view: View) -> Float[np.ndarray, "4 2"]:
