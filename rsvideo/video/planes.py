@@ -4,6 +4,7 @@ import hashlib
 import io
 import os
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -48,8 +49,10 @@ def read(path: Path, stream: Stream, indices: Iterable[int]) -> Iterator[Picture
                 planes: list[np.ndarray] = []
                 while f"{index}.{len(planes)}" in archive.NameToInfo:
                     planes.append(np.load(io.BytesIO(archive.read(f"{index}.{len(planes)}")), allow_pickle=False))
+                if not planes:
+                    raise ValueError(f"it lacks picture {index}")
                 yield replace(blank(stream, index), planes=tuple(planes))
-    except (zipfile.BadZipFile, ValueError) as error:
+    except (zipfile.BadZipFile, zlib.error, ValueError, EOFError, RuntimeError, OSError) as error:
         raise UnreadableError(f"{path} is damaged: {error}") from error
 
 
