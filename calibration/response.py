@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt
 from scipy.optimize import nnls
@@ -25,6 +24,7 @@ _ENTRIES = 65  # of a curve that is written down
 _EDGE = 0.02  # of the codes: so near to black and to clipping, codes say little of light
 _CALM = 0.1  # how much a patch may vary, as part of its mean
 _AS_GOOD, _CLOSE = 1.3, 0.01  # a standard's curve is taken if it leaves no more than that times the free curve's rest, or so little
+_SMOOTH, _MOST_TOLD = 3.0, 300  # weight of the free curve's smoothness, and patches that it is found from
 _LEVELS, _FLAT = 24, 0.2  # of light, at each of which the calmest patches count as flat
 _PLATEAU = 5e-4  # of the pixels
 _NOMINAL = [
@@ -119,7 +119,7 @@ def measure(shots: Sequence[Shot]) -> Response:
     best = min(candidates, key=lambda transfer: rests[transfer.value])
     curve, chosen = _curve_of(best), best
     if not ordered[0].linear:
-        free = _debevec(patches, times)
+        free = _debevec(patches, times, usable)
         rests["free"] = _rest(np.interp(patches, np.linspace(0, 1, len(free)), free), times, usable)
         if rests[best.value] > max(_AS_GOOD * rests["free"], _CLOSE):
             curve, chosen = np.interp(np.linspace(0, 1, _ENTRIES), np.linspace(0, 1, len(free)), free), None
@@ -220,14 +220,28 @@ def _rest(light: Float[np.ndarray, "patches n"], times: Float[np.ndarray, " n"],
     return float(np.sqrt((about**2).sum() / (usable.sum() - (count > 0).sum())))
 
 
-def _debevec(patches: Float[np.ndarray, "patches n"], times: Float[np.ndarray, " n"]) -> Float[np.ndarray, "256"]:
-    """Light by code after Debevec and Malik (1997); rising, and 1 at the highest code."""
-    side = int(math.sqrt(len(patches)))
-    images = [np.rint(255 * column[: side * side]).astype(np.uint8).reshape(side, side, 1) for column in patches.T]
-    solver = cv2.createCalibrateDebevec(min(200, side * side), 20.0)
-    light = np.maximum.accumulate(solver.process([np.repeat(image, 3, axis=2) for image in images], times.astype(np.float32))[:, 0, 0])
-    light = np.maximum.accumulate(np.nan_to_num(light.astype(float), nan=0.0, posinf=0.0))
-    return light / max(light[-1], 1e-12)
+def _debevec(
+    patches: Float[np.ndarray, "patches n"], times: Float[np.ndarray, " n"], usable: Bool[np.ndarray, "patches n"]
+) -> Float[np.ndarray, "256"]:
+    """Light by code, rising, and 1 at the highest code: Eq. (3) of Debevec and Malik (1997), g(Z_ij) - log E_i = log t_j with g'' small.
+
+    OpenCV's solver cannot leave out clipped patches, which bend its curve near white; so the equations are written out here, and codes
+    between two entries of g count for both.
+    """
+    told = np.flatnonzero(usable.sum(axis=1) >= 2)
+    told = told[np.linspace(0, len(told) - 1, min(_MOST_TOLD, len(told))).astype(int)]
+    i, j = np.nonzero(usable[told])
+    z = 255 * patches[told][i, j]
+    k = np.minimum(z.astype(int), 254)
+    w = np.minimum(z, 255 - z) / 127.5
+    A, lines = np.zeros((len(i) + 255, 256 + len(told))), np.arange(len(i))
+    A[lines, k], A[lines, k + 1], A[lines, 256 + i] = w * (1 - z + k), w * (z - k), -w
+    for entry in range(254):
+        A[len(i) + entry, entry : entry + 3] = _SMOOTH * np.array([1.0, -2.0, 1.0])
+    A[-1, 128] = 1.0  # the scale is free
+    g = np.linalg.lstsq(A, np.concatenate([w * np.log(times)[j], np.zeros(255)]), rcond=None)[0][:256]
+    light = np.maximum.accumulate(np.exp(np.clip(g, -50, 50)))
+    return light / light[-1]
 
 
 def _noise(
