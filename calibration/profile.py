@@ -1,7 +1,7 @@
 """What was measured, as parts of a camera's profile."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from calibration.lens import Fit
@@ -14,11 +14,11 @@ _NAMED = 3  # files that are named in words; the others are counted
 _CHUNK = 1 << 20
 
 
-def found(how: str, files: Sequence[Path], when: str) -> Found:
-    """The provenance of a part: the method, the day, and the files with their hashes."""
-    names = [path.name for path in files]
+def found(how: str, files: Mapping[str, Path], when: str) -> Found:
+    """The provenance of a part: the method, the day, and the files, by what they are called, with their hashes."""
+    names = list(files)
     words = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
-    return Found(how=how[:500], when=when, source=words[:500], files={path.name[:300]: _sha256(path) for path in files})
+    return Found(how=how[:500], when=when, source=words[:500], files={name[-300:]: _sha256(path) for name, path in files.items()})
 
 
 def _sha256(path: Path) -> str:

@@ -68,12 +68,24 @@ def photographs(paths: Sequence[Path]) -> tuple[Path, ...]:
     return tuple(path for some in found for path in some)
 
 
+def named(paths: Sequence[Path]) -> dict[str, Path]:
+    """Files by their names, or by their whole paths where names repeat."""
+    names = [path.name for path in paths]
+    return {path.name if names.count(path.name) == 1 else str(path): path for path in paths}
+
+
 def of_photographs(paths: Sequence[Path], board: Board) -> Iterator[View | Refused]:
-    """Each photograph as a view, or the reason why it is none."""
-    for path in paths:
-        grey = _grey(still.read(path).codes.samples)
+    """Each photograph as a view, or the reason why it is none; one that cannot be read ends all only where it is the only one."""
+    for name, path in named(paths).items():
+        try:
+            grey = _grey(still.read(path).codes.samples)
+        except UnreadableError as error:
+            if len(paths) == 1:
+                raise
+            yield Refused(name=name, why=str(error))
+            continue
         seen = find(board, grey)
-        yield _view(path.name, grey, board, seen) if seen else Refused(name=path.name, why="the board was not found")
+        yield _view(name, grey, board, seen) if seen else Refused(name=name, why="the board was not found")
 
 
 def of_clip(stream: Stream, board: Board) -> Iterator[View | Refused]:

@@ -128,7 +128,7 @@ def lens(
             name=_named(name, model_name, output),
             maker=maker,
             mode=Mode(rows=taken.rows, cols=taken.cols, fps=fps),
-            intrinsics=parts.lens(fit, parts.found(how, files if taken.clip else _used(files, fit), _today())),
+            intrinsics=parts.lens(fit, parts.found(how, _used(files, fit, taken), _today())),
         )
         if before:
             profile = parts.merged(before, profile)
@@ -182,6 +182,7 @@ def response(
     with refusing():
         from calibration import profile as parts
         from calibration import response as fitting
+        from calibration import views
         from rsvideo.cli import quiet
         from rsvideo.cli.ending import RefusedError
         from rsvideo.config.camera import CameraProfile, Mode
@@ -205,7 +206,7 @@ def response(
         ]
         found = fitting.measure(shots)
         rows, cols = shots[0].samples.shape[:2]
-        whence = parts.found(f"{len(shots)} exposures of {min(times):.3g} to {max(times):.3g} s", sources, _today())
+        whence = parts.found(f"{len(shots)} exposures of {min(times):.3g} to {max(times):.3g} s", views.named(sources), _today())
         profile = CameraProfile(
             name=_named(name, stills[0].shot.camera, output),
             maker=maker,
@@ -276,7 +277,7 @@ def schema() -> None:
     _print_json(CameraProfile.model_json_schema())
 
 
-def _taken(sources: list[Path], target: Any, rolling: float | None) -> "tuple[Taken, list[Path], float | None, str | None]":
+def _taken(sources: list[Path], target: Any, rolling: float | None) -> "tuple[Taken, dict[str, Path], float | None, str | None]":
     """The views, the files they are in, and the clip's rate and the camera's name where these are known."""
     from calibration import views
     from rsvideo.cli.ending import RefusedError
@@ -288,12 +289,13 @@ def _taken(sources: list[Path], target: Any, rolling: float | None) -> "tuple[Ta
     if clips:
         stream = decode.probe(clips[0])
         taken = views.chosen(list(views.of_clip(stream, target)), clip=True, readout=rolling)
-        return taken, clips, round(float(stream.rate), 3), metadata.shot(stream).camera
+        return taken, views.named(clips), round(float(stream.rate), 3), metadata.shot(stream).camera
     files = list(views.photographs(sources))
     if not files:
         raise RefusedError(f"{sources[0]} holds no photograph; is it the right folder?")
     taken = views.chosen(list(views.of_photographs(files, target)), clip=False, readout=rolling)
-    return taken, files, None, still.read(files[0]).shot.camera
+    by_name = views.named(files)
+    return taken, by_name, None, still.read(by_name[taken.views[0].name]).shot.camera
 
 
 def _named(*names: "str | Path | None") -> str:
@@ -302,9 +304,10 @@ def _named(*names: "str | Path | None") -> str:
     return (found.stem if isinstance(found, Path) else found)[:100]
 
 
-def _used(files: list[Path], fit: Any) -> list[Path]:
+def _used(files: "dict[str, Path]", fit: Any, taken: "Taken") -> "dict[str, Path]":
+    """The files that went into the lens."""
     names = {view.name for view in fit.views}
-    return [path for path in files if path.name in names]
+    return {name: path for name, path in files.items() if taken.clip or name in names}
 
 
 def _doubts(fit: Any, taken: "Taken", reached: float) -> list[str]:

@@ -38,11 +38,14 @@ def test_each_photograph_that_is_not_used_is_told_why(tmp_path: Path) -> None:
     files.append(saved(tmp_path, "blurred.png", picture(BOARD, (0.2, 0.1, 0), (0, 0.02, 0.33), blur=2.5)))
     files.append(saved(tmp_path, "empty.png", np.full((ROWS, COLS), 90, np.uint8)))
     files.append(saved(tmp_path, "small.png", cv2.resize(picture(BOARD, *POSES[1]), (COLS - 20, ROWS - 15))))
+    (tmp_path / "letter.png").write_text("not a picture")
+    files.append(tmp_path / "letter.png")
     taken = views.chosen(list(views.of_photographs(files, BOARD)), clip=False, readout=None)
     assert [view.name for view in taken.views] == [f"{n}.png" for n in range(6)]
     told = why(taken)
     assert told["again.png"] == "much like 0.png, which is sharper"
     assert told["blurred.png"].startswith("blurred: its edges are")
+    assert "must be a PNG, TIFF, JPEG or raw photograph" in told["letter.png"]
     assert told["empty.png"] == "the board was not found"
     assert told["small.png"] == "it is 300 x 225, the others 320 x 240; another size is another mode"
 
@@ -52,6 +55,11 @@ def test_a_folder_stands_for_its_photographs(tmp_path: Path) -> None:
     saved(tmp_path, "a.jpg", np.zeros((4, 4), np.uint8))
     (tmp_path / "notes.txt").write_text("none")
     assert [path.name for path in views.photographs([tmp_path])] == ["a.jpg", "b.png"]
+
+
+def test_files_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:
+    paths = [tmp_path / "a" / "1.png", tmp_path / "b" / "1.png", tmp_path / "2.png"]
+    assert list(views.named(paths)) == [str(paths[0]), str(paths[1]), "2.png"]
 
 
 def test_pictures_without_the_board_are_refused_together(tmp_path: Path) -> None:
