@@ -7,12 +7,11 @@ who restores which chunk.
 import hashlib
 import json
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from importlib.metadata import version
-from itertools import chain, pairwise
+from itertools import chain, groupby, pairwise
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,7 +22,7 @@ from rsvideo.config import gcsv, sidecar
 from rsvideo.config import motion as motion_file
 from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.config.sidecar import FrameRecord
-from rsvideo.frame import Frame, Verdict
+from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
@@ -31,7 +30,8 @@ from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline import known
 from rsvideo.restoration import clip as clip_motion
 from rsvideo.restoration import steady, timing
-from rsvideo.restoration.blind import Settings, restore
+from rsvideo.restoration.blind import Settings
+from rsvideo.restoration.clip import Movement
 from rsvideo.video import colour, cuts, decode, planes
 from rsvideo.video.clip import Picture, Stream
 from rsvideo.video.encode import Encoding, Writer, chosen
@@ -40,10 +40,7 @@ SMALLEST = 32  # px a side; below, there is nothing to measure motion by
 LONGEST = 32  # frames of a chunk, and fewer of large pictures:
 MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
 WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
-STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
-MOVING = 1.0  # and from here on it is fully restored: between, both are mixed, so that nothing flickers
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
-_FROM_PATH = "the clip's path"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,26 +281,48 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
     """Restore a chunk into a file of `folder`."""
     begin, end = chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, task.last)
     pictures = list(_pictures(task, begin, end))
-    wanted = [p for p in pictures if chunk.first <= p.index <= chunk.last]
-    if task.job.method == "none":
-        ways, steps = [None] * len(wanted), np.zeros((len(wanted), 3))
-    else:
-        ways, steps = _ways(task, pictures, lambda index: observe(index, "motion", 0.0))
-        mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
-        ways, steps = [ways[k] for k in mine], steps[mine]
+    moving = _movement(task, pictures, lambda index: observe(index, "motion", 0.0))
+    mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
+    wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1)
+    name = f"{chunk.index:06}.zip"
     records: list[FrameRecord] = []
 
-    def restored() -> Iterator[Picture]:
-        for picture, way in zip(wanted, ways, strict=True):
-            observe(picture.index, "restoring", 0.3)
-            out, record = _restored(task, picture, way)
-            records.append(record)
-            observe(picture.index, "restoring", 1.0)
-            yield out
+    def shown() -> Iterator[Picture]:
+        for picture, result in zip(wanted, _results(task, wanted, moving, observe), strict=True):
+            records.append(_frame_record(result))
+            restored = result.verdict is Verdict.RESTORED
+            yield colour.codes(result.latent, picture, task.stream.colour) if restored else picture
 
-    name = f"{chunk.index:06}.zip"
-    sha256 = planes.write(folder / name, restored())
-    return ChunkRecord(frames=records, steps=[[*s, 0.0][:3] for s in steps.tolist()], file=name, sha256=sha256)
+    sha256 = planes.write(folder / name, shown())
+    return ChunkRecord(frames=records, steps=[[*s, 0.0][:3] for s in moving.steps.tolist()], file=name, sha256=sha256)
+
+
+def _results(
+    task: ClipTask, pictures: list[Picture], moving: Movement, observe: Callable[[int, str, float], None]
+) -> Iterator[FrameResult]:
+    """What becomes of each picture, in order."""
+    timing, source = task.timing, task.timing_source
+    at_rest = still(timing.interval, degree=1, axes=3)
+    for damaged, run in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
+        indices = list(run)
+        frames = (_frame(task, pictures[k]) for k in indices)
+        if damaged or task.job.method == "none":
+            verdict = Verdict.DAMAGED if damaged else Verdict.UNTOUCHED
+            for frame in frames:
+                yield FrameResult(
+                    frame=frame, timing=timing, timing_source=source, trajectory=at_rest, latent=frame.pixels, verdict=verdict, seconds=0.0
+                )
+                observe(frame.index, "passed on", 1.0)
+        else:
+            yield from clip_motion.restored(
+                frames,
+                moving.part(indices[0], indices[-1] + 1),
+                timing,
+                task.camera.intrinsics,
+                task.settings,
+                timing_source=source,
+                observe=lambda index, fraction: observe(index, "restoring", fraction),
+            )
 
 
 def _frame(task: ClipTask, picture: Picture) -> Frame:
@@ -311,47 +330,29 @@ def _frame(task: ClipTask, picture: Picture) -> Frame:
     return Frame(pixels=pixels, clipped=clipped, time=picture.time, index=picture.index)
 
 
-def _ways(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[int], None]) -> tuple[list[Trajectory | None], np.ndarray]:
+def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[int], None]) -> Movement:
     """The motion within each frame, and from each to the next."""
-    camera = task.camera.intrinsics
+    camera, axes = task.camera.intrinsics, 3
+    if task.job.method == "none":
+        return Movement(within=[None] * len(pictures), steps=np.zeros((len(pictures), axes)), tied=[False] * len(pictures))
     if task.job.trajectory is not None:
         given = task.job.trajectory
-        ways = [motion_file.read(given, task.timing, camera, index=p.index, begins=p.time) for p in pictures]
-        return list(ways), np.zeros((len(ways), 3))
-    frames = (_frame(task, p) for p in pictures)
-    found = clip_motion.movement(frames, task.timing, camera, task.settings, observe)
-    return found.within, found.steps
+        ways: list[Trajectory | None] = [motion_file.read(given, task.timing, camera, index=p.index, begins=p.time) for p in pictures]
+        return Movement(within=ways, steps=np.zeros((len(ways), axes)), tied=[False] * len(ways))
+    return clip_motion.movement((_frame(task, p) for p in pictures), task.timing, camera, task.settings, observe)
 
 
-def _restored(task: ClipTask, picture: Picture, way: Trajectory | None) -> tuple[Picture, FrameRecord]:
-    """One frame along its way, or blind where it has none."""
-    started = time.monotonic()
-    verdict = Verdict.UNTOUCHED if task.job.method == "none" else Verdict.DAMAGED if picture.damaged else None
-    share = 1.0
-    if verdict is None and way is not None:
-        t = np.linspace(*task.timing.interval, 33)
-        moved = float(np.linalg.norm(np.ptp(way.at(t)[:, :2], axis=0)))
-        share = float(np.clip((moved - STILL) / (MOVING - STILL), 0, 1))
-        verdict = None if share > 0 else Verdict.SHARP
-    out = picture
-    if verdict is None:
-        frame = _frame(task, picture)
-        result = restore(frame, task.timing, task.camera.intrinsics, task.settings, timing_source=task.timing_source, trajectory=way)
-        verdict, way = result.verdict, result.trajectory
-        if verdict is Verdict.RESTORED:
-            light = frame.pixels + np.float32(share) * (np.clip(result.latent, 0, 1) - frame.pixels)
-            out = colour.codes(light, picture, task.stream.colour)
-    way = still(task.timing.interval, degree=1, axes=3) if way is None else way
+def _frame_record(result: FrameResult) -> FrameRecord:
+    way = result.trajectory
     t = sidecar.Sampled.times(way.t0, way.t1)
-    record = FrameRecord(
-        index=picture.index,
-        time_s=picture.time,
-        timing=sidecar.Timing(exposure_s=task.timing.exposure, row_time_s=task.timing.row_time, source=task.timing_source),
+    return FrameRecord(
+        index=result.frame.index,
+        time_s=result.frame.time,
+        timing=sidecar.Timing(exposure_s=result.timing.exposure, row_time_s=result.timing.row_time, source=result.timing_source),
         trajectory=sidecar.Sampled.of(t, way.at(t)),
-        verdict=verdict,
-        seconds=time.monotonic() - started,
+        verdict=result.verdict,
+        seconds=result.seconds,
     )
-    return out, record
 
 
 def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:

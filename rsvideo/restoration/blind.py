@@ -17,6 +17,7 @@ from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.restoration import deblur as latent_update
 from rsvideo.restoration import initialise, motion, strips, tracing
 from rsvideo.restoration.alternation import PaperSettings, alternate
+from rsvideo.restoration.deblur import TiledFrame
 from rsvideo.restoration.kernel import KernelSettings
 from rsvideo.restoration.motion import Prior, Scene
 from rsvideo.restoration.strips import Candidate
@@ -47,6 +48,7 @@ class Settings:
     tolerance: float = 0.25  # px, a tile's error at its edge
     candidates: int = 5  # first trajectories that are refined before one is chosen
     trust: float = 0.15  # in the strips' kernels, against the picture's sparsity
+    neighbours: int = 3  # of a clip: frames on either side that a frame is restored with
     threads: int = 2  # for the strips; compiled loops use numba's own setting
 
     def __post_init__(self) -> None:
@@ -84,7 +86,7 @@ def restore(
     """
     started = time.monotonic()
     direction = timing.direction
-    view = _along_scanlines(frame, timing, intrinsics)
+    view = along_scanlines(frame, timing, intrinsics)
     turn = direction.pose_from_scanlines
     scene = _scene(view, settings)
     verdict = Verdict.RESTORED
@@ -105,16 +107,10 @@ def restore(
     latent = frame.pixels
     if verdict is Verdict.RESTORED:
         steps = latent_update.deblur(
-            view.frame.pixels,
-            view.frame.clipped,
-            path,
-            view.intrinsics,
-            view.timing,
-            samples=max(settings.samples, math.ceil(_longest(view.timing, path))),
+            tiled_frame(view, path, settings),
             prior=settings.prior,
             mu=settings.mu_final if settings.prior == "tv" else 5e-4,
             noise=view.noise,
-            tolerance=settings.tolerance,
         )
         for step, image in enumerate(steps):
             latent = image
@@ -132,8 +128,23 @@ def restore(
     )
 
 
+def tiled_frame(view: "View", path: Trajectory, settings: Settings) -> TiledFrame:
+    """The frame with its blur along `path`, which is 0 where the latent image is wanted."""
+    return latent_update.tiled(
+        view.frame.pixels,
+        view.frame.clipped,
+        path,
+        view.intrinsics,
+        view.timing,
+        samples=max(settings.samples, math.ceil(longest(view.timing, path))),
+        tolerance=settings.tolerance,
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _View:
+class View:
+    """A frame as if it had been read from top to bottom."""
+
     frame: Frame
     timing: ShutterTiming
     intrinsics: Intrinsics
@@ -150,29 +161,30 @@ def intrinsics_along(intrinsics: Intrinsics, timing: ShutterTiming) -> Intrinsic
     return c
 
 
-def _along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics) -> _View:
+def along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics) -> View:
     """The frame as if it had been read from top to bottom."""
     way = timing.direction
     pixels = np.ascontiguousarray(way.scanlines(frame.pixels), np.float32)
-    return _View(
+    return View(
         frame=Frame(pixels=pixels, clipped=np.ascontiguousarray(way.scanlines(frame.clipped)), time=frame.time, index=frame.index),
         timing=replace(timing, direction=Direction.TOP_TO_BOTTOM),
         intrinsics=intrinsics_along(intrinsics, timing),
-        noise=max(motion.noise_level(_luminance(pixels)) * (math.sqrt(1.8) if pixels.shape[2] == 3 else 1.0), 1e-3),
+        noise=max(motion.noise_level(luminance(pixels)) * (math.sqrt(1.8) if pixels.shape[2] == 3 else 1.0), 1e-3),
     )
 
 
 def observed(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings) -> Scene:
     """What the trajectory of a frame is estimated from, along its scanlines."""
-    return _scene(_along_scanlines(frame, timing, intrinsics), settings)
+    return _scene(along_scanlines(frame, timing, intrinsics), settings)
 
 
-def _luminance(pixels: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
+def luminance(pixels: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
+    """BT.709's of linear light; a grey picture's own."""
     return pixels @ LUMINANCE if pixels.shape[2] == 3 else pixels.mean(axis=2)
 
 
-def _scene(view: _View, settings: Settings) -> Scene:
-    grey = _luminance(view.frame.pixels)
+def _scene(view: View, settings: Settings) -> Scene:
+    grey = luminance(view.frame.pixels)
     white = max(float(np.percentile(grey, 99.5)), 1e-3)
     normalised = np.minimum(grey / white, 1).astype(np.float32)
     valid = ~(view.frame.clipped.any(axis=2) | (grey >= white))
@@ -256,7 +268,7 @@ class _Runner:
         return replace(self, trajectory=refined.trajectory, value=refined.value + trust * self.start.energy)
 
 
-def _longest(timing: ShutterTiming, path: Trajectory) -> float:
+def longest(timing: ShutterTiming, path: Trajectory) -> float:
     """The largest extent in px of any scanline's path."""
     poses = path.at(timing.sample_times(16)[:: max(1, timing.rows // 32)])[..., :2]
     return float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
@@ -270,7 +282,7 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
     """
     part = windowed(scene, WINDOW_COLS)
     rest = still(part.timing.interval, degree=1, axes=2)
-    if _longest(part.timing, path) < SHORTEST:
+    if longest(part.timing, path) < SHORTEST:
         return Verdict.SHARP
     if motion.energy(part, path) > COSTLIEST * motion.energy(part, rest):
         return Verdict.UNEXPLAINED

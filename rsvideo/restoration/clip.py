@@ -9,7 +9,8 @@ which blur shows badly; blur shows the fast part, within an exposure. The path i
 is minimised over it, with f_k the sparsity of frame k's latent image (restoration.motion), and C_0, H what the tracks say.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,12 +18,23 @@ from jaxtyping import Float
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
-from rsvideo.frame import Frame
+from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics, lever
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, still
 from rsvideo.restoration import motion
-from rsvideo.restoration.blind import Settings, intrinsics_along, observed, windowed
+from rsvideo.restoration.blind import (
+    Settings,
+    View,
+    along_scanlines,
+    intrinsics_along,
+    longest,
+    observed,
+    restore,
+    tiled_frame,
+    windowed,
+)
+from rsvideo.restoration.fusion import Seen, fused
 from rsvideo.restoration.motion import Scene
 from rsvideo.restoration.strips import shake_spread
 from rsvideo.restoration.tracks import Tracks, codes, track
@@ -37,6 +49,8 @@ TRUST = 2e-3  # tau
 BLURRED = 6.0  # px an exposure, from which on blur adds to what tracks say
 STEPS = 6  # of the refinement
 SAMPLE = 1e-3  # s, of a path over all frames
+STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
+MOVING = 1.0  # and from here on it is fully restored
 COLS = 480  # with most texture, which serve it
 
 
@@ -168,7 +182,12 @@ class Movement:
     """How the camera moved within each frame of a run, and from each to the next; in image axes."""
 
     within: list[Trajectory | None]  # None where no point could be followed: such a frame stands alone
-    steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next; 0 at a break
+    steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next
+    tied: list[bool]  # whether the next frame's points were followed; else its step is 0
+
+    def part(self, first: int, last: int) -> "Movement":
+        """That of frames first, ..., last - 1."""
+        return Movement(within=self.within[first:last], steps=self.steps[first:last], tied=self.tied[first:last])
 
 
 def movement(
@@ -191,10 +210,10 @@ def movement(
     upright = replace(timing, direction=Direction.TOP_TO_BOTTOM)
     axes = 3 if settings.motion == "rotation" else 2
     turn = timing.direction.pose_from_scanlines[:axes, :axes]
-    tied = [len(t.before) > 0 for t in links]
+    tied = [*(len(t.before) > 0 for t in links), False]
     known = np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(scenes))], bool)
     if not known.any():
-        return Movement(within=[None] * len(scenes), steps=np.zeros((len(scenes), axes)))
+        return Movement(within=[None] * len(scenes), steps=np.zeros((len(scenes), axes)), tied=tied)
     full = intrinsics_along(intrinsics, timing)
     path = follow(links, np.array(begins), upright, full, axes)
     blurred = [k for k in np.flatnonzero(known) if _reach(path.spline, begins[k], upright) > BLURRED]
@@ -202,8 +221,97 @@ def movement(
         path = refine([scenes[k] for k in blurred], [begins[k] for k in blurred], path, steps=STEPS)
     inside = [within(path.spline, t, upright) if k else None for t, k in zip(begins, known, strict=True)]
     middles = path.spline.at(np.array(begins) + timing.middle) @ turn.T
-    steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array([*tied, False])[:, None]
-    return Movement(within=[p and p.with_coefficients(p.coefficients @ turn.T) for p in inside], steps=steps)
+    steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array(tied)[:, None]
+    return Movement(within=[p and p.with_coefficients(p.coefficients @ turn.T) for p in inside], steps=steps, tied=tied)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Waiting:
+    """A frame restored by itself, until its neighbours are there too."""
+
+    result: FrameResult
+    view: View
+    seen: Seen | None  # None where it cannot serve others, nor they it
+    share: float  # of the restoration in what is shown
+
+
+def restored(
+    frames: Iterable[Frame],
+    movement: Movement,
+    timing: ShutterTiming,
+    intrinsics: Intrinsics,
+    settings: Settings,
+    *,
+    timing_source: str = "explicit",
+    observe: Callable[[int, float], None] = lambda *_: None,
+) -> Iterator[FrameResult]:
+    """Each frame's latent image at the pose of the middle of its interval, with the help of its neighbours.
+
+    A frame whose motion is not known is restored by itself, blindly. A frame that moves by less than STILL px is left as it was,
+    and up to MOVING px it is mixed with its restoration, so that nothing flickers. At most 2 `settings.neighbours` + 1 frames are kept.
+    """
+    reach = settings.neighbours
+    poses = np.vstack([np.zeros((1, movement.steps.shape[1])), np.cumsum(movement.steps[:-1], axis=0)])
+    group = np.cumsum([0, *(not t for t in movement.tied[:-1])])
+    poses = poses @ timing.direction.pose_from_scanlines[: poses.shape[1], : poses.shape[1]]
+    waiting: dict[int, _Waiting] = {}
+
+    def ready(k: int) -> FrameResult:
+        others = [w.seen for j, w in waiting.items() if j != k and abs(j - k) <= reach and group[j] == group[k] and w.seen]
+        done = _together(waiting[k], others, timing, settings)
+        waiting.pop(k - reach, None)
+        observe(done.frame.index, 1.0)
+        return done
+
+    count = 0
+    for k, (frame, way) in enumerate(zip(frames, movement.within, strict=True)):
+        waiting[k] = _alone(frame, way, poses[k], timing, intrinsics, settings, timing_source)
+        observe(frame.index, 0.6)
+        count = k + 1
+        if k >= reach:
+            yield ready(k - reach)
+    for k in range(max(0, count - reach), count):
+        yield ready(k)
+
+
+def _alone(
+    frame: Frame, way: Trajectory | None, pose: np.ndarray, timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings, source: str
+) -> _Waiting:
+    """The frame restored by itself, along its way if that is known."""
+    share, moved = 1.0, np.inf
+    if way is not None:
+        moved = float(np.linalg.norm(np.ptp(way.at(np.linspace(*timing.interval, 33))[:, :2], axis=0)))
+        share = float(np.clip((moved - STILL) / (MOVING - STILL), 0, 1))
+    view = along_scanlines(frame, timing, intrinsics)
+    if way is not None and share == 0:
+        result = FrameResult(
+            frame=frame, timing=timing, timing_source=source, trajectory=way, latent=frame.pixels, verdict=Verdict.SHARP, seconds=0.0
+        )
+    else:
+        result = restore(frame, timing, intrinsics, settings, timing_source=source, trajectory=way)
+    if way is None:
+        return _Waiting(result=result, view=view, seen=None, share=1.0)
+    latent = np.ascontiguousarray(timing.direction.scanlines(np.clip(result.latent, 0, 1)), np.float32)
+    return _Waiting(result=result, view=view, seen=Seen(latent=latent, pose=pose, length=longest(timing, way)), share=share)
+
+
+def _together(waiting: _Waiting, others: Sequence[Seen], timing: ShutterTiming, settings: Settings) -> FrameResult:
+    """The frame restored with its neighbours."""
+    result, own, view = waiting.result, waiting.seen, waiting.view
+    if own is None or result.verdict is not Verdict.RESTORED:
+        return result
+    started = time.monotonic()
+    turn = timing.direction.pose_from_scanlines
+    path = result.trajectory
+    axes = path.coefficients.shape[1]
+    path = path.with_coefficients(path.coefficients @ turn[:axes, :axes])
+    latent = fused(tiled_frame(view, path, settings), own, others, view.intrinsics, view.noise)
+    latent = view.frame.pixels + np.float32(waiting.share) * (np.clip(latent, 0, 1) - view.frame.pixels)
+    return replace(
+        result,
+        latent=np.ascontiguousarray(timing.direction.image(latent)),
+        seconds=result.seconds + time.monotonic() - started,
+    )
 
 
 def joined(

@@ -101,7 +101,57 @@ def total_variation(system: TileSystem, mu: float, *, steps: int, rho: float = T
     return latent
 
 
-def deblur(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiledFrame:
+    """A frame as column tiles that overlap, each with its exact blur, channel by channel."""
+
+    cut: list[Tile]
+    systems: list[list[TileSystem]]  # of each tile, of each channel
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Rows, columns, channels."""
+        return self.systems[0][0].op.rows, self.cut[-1].last, len(self.systems[0])
+
+    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
+        """The frame b, and 1 where it is data."""
+        parts = [
+            [
+                np.stack([of(s) for s in channels], axis=-1)[:, t.start - t.first : t.stop - t.first]
+                for t, channels in zip(self.cut, self.systems, strict=True)
+            ]
+            for of in (lambda s: s.frame, lambda s: s.valid)
+        ]
+        return np.hstack(parts[0]), np.hstack(parts[1])
+
+    def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+        """K image, what lies beyond it continued from its borders."""
+        out = np.empty_like(image)
+        for tile, channels in zip(self.cut, self.systems, strict=True):
+            op = channels[0].op
+            seen = op.image(op.forward(op.spectrum(_extended(channels[0], image[:, tile.first : tile.last]))))
+            out[:, tile.start : tile.stop] = seen[:, op.left + tile.start - tile.first : op.left + tile.stop - tile.first]
+        return out
+
+    def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2."""
+        latents = [
+            [
+                _towards(s, _extended(s, target[:, tile.first : tile.last, c]), target[:, tile.first : tile.last, c], ridge)
+                for c, s in enumerate(ss)
+            ]
+            for tile, ss in zip(self.cut, self.systems, strict=True)
+        ]
+        return _blended(self.cut, self.systems, latents)
+
+
+def _extended(system: TileSystem, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows period"]:
+    op = system.op
+    beyond = ((op.top, op.latent_rows - op.top - op.rows), (op.left, op.period - op.left - op.cols))
+    return np.pad(image, beyond, mode="edge")
+
+
+def tiled(
     pixels: Float[np.ndarray, "rows cols channels"],
     clipped: Bool[np.ndarray, "rows cols channels"],
     trajectory: Trajectory,
@@ -109,16 +159,9 @@ def deblur(
     timing: ShutterTiming,
     *,
     samples: int,
-    prior: Literal["denoiser", "tv"],
-    mu: float,
-    noise: float,
     tolerance: float,
-) -> Iterator[Float[np.ndarray, "rows cols channels"]]:
-    """The latent image after each splitting step (one step for total variation), at the pose where the trajectory is 0.
-
-    mu weighs total variation (alone, or as the start of the denoiser's splitting); noise is its standard deviation
-    in linear light; tolerance is the largest error in px of a tile's path at the tile's edge.
-    """
+) -> TiledFrame:
+    """The frame with its blur along `trajectory`; tolerance is the largest error in px of a tile's path at the tile's edge."""
     cut = tiles.split(intrinsics.cols, tiles.tiles_needed(trajectory, intrinsics, timing, tolerance), OVERLAP)
     valid = (~clipped).astype(np.float32)
     systems = []
@@ -126,6 +169,18 @@ def deblur(
         columns = slice(tile.first, tile.last)
         first = tile_system(tiles.displacement(tile, trajectory, intrinsics, timing, samples), pixels[:, columns, 0], valid[:, columns, 0])
         systems.append([first] + [with_frame(first, pixels[:, columns, c], valid[:, columns, c]) for c in range(1, pixels.shape[2])])
+    return TiledFrame(cut=cut, systems=systems)
+
+
+def deblur(
+    frame: TiledFrame, *, prior: Literal["denoiser", "tv"], mu: float, noise: float
+) -> Iterator[Float[np.ndarray, "rows cols channels"]]:
+    """The latent image after each splitting step (one step for total variation), at the pose where the trajectory is 0.
+
+    mu weighs total variation (alone, or as the start of the denoiser's splitting); noise is its standard deviation
+    in linear light.
+    """
+    cut, systems = frame.cut, frame.systems
     latents = [[total_variation(s, mu, steps=20 if prior == "denoiser" else 50) for s in channels] for channels in systems]
     image = _blended(cut, systems, latents)
     yield image

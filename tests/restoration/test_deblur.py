@@ -11,7 +11,7 @@ from rsvideo.physics import simulate, tiles
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
-from rsvideo.restoration.deblur import OVERLAP, TileSystem, _blended, deblur, tile_system, total_variation
+from rsvideo.restoration.deblur import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation
 
 ROWS, COLS = 96, 192
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
@@ -43,8 +43,9 @@ def taken(coefficients, *, sigma=0.0, scene=None, gain=1.0):
 
 def restored(frame, coefficients, *, clipped=None, prior: Literal["tv", "denoiser"] = "denoiser", noise=1e-3, mu=7e-4):
     clipped = np.zeros(frame.shape, bool) if clipped is None else clipped
-    steps = deblur(frame, clipped, path(coefficients), CAMERA, TIMING, samples=24, prior=prior, mu=mu, noise=noise, tolerance=0.25)
-    *_, last = steps
+    *_, last = deblur(
+        tiled(frame, clipped, path(coefficients), CAMERA, TIMING, samples=24, tolerance=0.25), prior=prior, mu=mu, noise=noise
+    )
     return last
 
 

@@ -1,0 +1,78 @@
+"""Neighbours give back what a frame's own blur has destroyed, and nothing that does not belong to it."""
+
+import numpy as np
+import pytest
+import skimage.data
+
+from rsvideo.physics import simulate
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Polynomial, centred
+from rsvideo.restoration.deblur import deblur, tiled
+from rsvideo.restoration.fusion import Seen, fused
+
+ROWS, COLS = 96, 192
+CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
+TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
+LONG = np.array([[0.0, 0.0, 0.0], [6.0, -3.0, 0.01], [1.0, 1.5, 0.0], [-0.4, 0.3, 0.0]])
+SHORT = LONG / 8
+AWAY = np.array([3.3, -2.6, 0.01])  # px, px, rad: where the neighbour looks
+
+
+def path(coefficients):
+    return centred(Polynomial(t0=0.0, t1=TIMING.interval[1], coefficients=coefficients), TIMING.middle)
+
+
+def taken(coefficients, photograph, *, pose=(0.0, 0.0, 0.0)):
+    return simulate.render(
+        (photograph / 255) ** 2.2,
+        camera=CAMERA,
+        timing=TIMING,
+        trajectory=path(coefficients).shifted(np.array(pose)),
+        noise=simulate.Noise(sigma=0.004),
+        rng=np.random.default_rng(0),
+        samples=32,
+    )
+
+
+def alone(case, coefficients):
+    frame = tiled(case.blurred, np.zeros(case.blurred.shape, bool), path(coefficients), CAMERA, TIMING, samples=24, tolerance=0.25)
+    *_, latent = deblur(frame, prior="denoiser", mu=5e-4, noise=0.004)
+    return frame, np.clip(latent, 0, 1).astype(np.float32)
+
+
+def psnr(image, truth):
+    one, other = (np.clip(a[16:-16, 16:-16], 0, 1) ** (1 / 2.2) for a in (image, truth))
+    return float(-10 * np.log10(np.mean((one - other) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def long():
+    return taken(LONG, skimage.data.astronaut()[20:180, 60:310])
+
+
+def test_a_sharper_neighbour_that_looks_elsewhere_gives_detail_back(long):
+    near = taken(SHORT, skimage.data.astronaut()[20:180, 60:310], pose=AWAY)
+    frame, own = alone(long, LONG)
+    other = Seen(latent=alone(near, SHORT)[1], pose=AWAY + [0.3, 0.2, 5e-4], length=1.5)  # nearly
+    both = fused(frame, Seen(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA, 0.004)
+    assert psnr(both, long.truth) > psnr(own, long.truth) + 2
+
+
+def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
+    frame, own = alone(long, LONG)
+    stranger = Seen(latent=np.ascontiguousarray(own[:, ::-1]), pose=np.zeros(3), length=1.5)
+    both = fused(frame, Seen(latent=own, pose=np.zeros(3), length=12.0), [stranger], CAMERA, 0.004)
+    assert psnr(both, long.truth) > psnr(own, long.truth) - 0.5
+
+
+def test_without_neighbours_a_frame_stays_as_it_is(long):
+    frame, own = alone(long, LONG)
+    assert fused(frame, Seen(latent=own, pose=np.zeros(3), length=12.0), [], CAMERA, 0.004) is own
+
+
+def test_the_blur_of_the_truth_is_the_frame(long):
+    frame, _ = alone(long, LONG)
+    np.testing.assert_allclose(
+        frame.blurred(np.ascontiguousarray(long.truth[..., 1], np.float32))[16:-16, 16:-16], long.blurred[16:-16, 16:-16, 1], atol=0.03
+    )
