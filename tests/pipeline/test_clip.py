@@ -1,0 +1,245 @@
+"""One clip from file to file: chunks that cover it, work that can be repeated, and all that a null run keeps."""
+
+import json
+from collections.abc import Mapping
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rsvideo.config.files import UnreadableError
+from rsvideo.pipeline.clip import AHEAD, LONGEST, WARM_UP, ChunkRecord, ClipJob, ClipTask, Outcome, chunks, finish, prepare, work
+from rsvideo.video import decode
+from rsvideo.video.clip import Stream
+from tests.pipeline.moving import Moving, encode, luma, planes
+from tests.video.clips import make, packets
+
+NOTHING: Mapping[str, Any] = {
+    "exposure": None,
+    "shutter_angle": None,
+    "readout": None,
+    "row_time": None,
+    "scanlines_total": None,
+    "direction": None,
+    "camera": None,
+    "focal_px": None,
+    "transfer": None,
+    "trajectory": None,
+    "method": "rsvideo",
+    "steering": {},
+    "encoding": {},
+    "path": "keep",
+    "span": None,
+    "side_by_side": False,
+    "on_damage": "fail",
+    "rate": None,
+    "force": False,
+    "overwrite": False,
+}
+KNOWN = {"exposure": 0.02, "readout": 0.02, "focal_px": 192.0}
+
+
+def asked(source: Path, output: Path, **words: Any) -> ClipJob:
+    return ClipJob(source=source, output=output, **{**NOTHING, **words})
+
+
+def silent(*_: object) -> None:
+    """Watch nothing."""
+
+
+def carried_out(task: ClipTask, folder: Path) -> tuple[Outcome, list[ChunkRecord]]:
+    records = [work(task, chunk, folder, silent) for chunk in chunks(task)]
+    return finish(task, records, folder), records
+
+
+def decoded(path: Path) -> tuple[Stream, list[tuple[np.ndarray, ...]]]:
+    stream = decode.probe(path)
+    return stream, [picture.planes for picture in decode.pictures(stream)]
+
+
+def joined_scenes(path: Path, lengths: tuple[int, ...]) -> Path:
+    """Scenes of noise, each still and of another brightness, one after the other."""
+    pictures = []
+    for k, length in enumerate(lengths):
+        scene = np.random.default_rng(k).integers(20 + 80 * (k % 2), 60 + 160 * (k % 2), (36, 48)).astype(np.uint8)
+        pictures += [(scene, *[np.full((18, 24), 128, np.uint8)] * 2)] * length
+    return encode(path, pictures)
+
+
+def test_chunks_cover_the_clip_exactly_and_begin_at_its_cuts(tmp_path: Path) -> None:
+    source = joined_scenes(tmp_path / "in.mkv", (70, 5, 40))
+    found = chunks(prepare(asked(source, tmp_path / "out.mkv", **KNOWN)))
+    assert [chunk.index for chunk in found] == list(range(len(found)))
+    assert [i for chunk in found for i in range(chunk.first, chunk.last + 1)] == list(range(115))
+    assert {0, 70, 75} <= {chunk.first for chunk in found}
+    assert max(chunk.last - chunk.first + 1 for chunk in found) <= LONGEST
+    for chunk in found:
+        scene = max(begin for begin in (0, 70, 75) if begin <= chunk.first)
+        assert chunk.warm_up == min(WARM_UP, chunk.first - scene)  # never from before a cut
+
+
+def test_chunks_depend_on_the_clip_alone(tmp_path: Path) -> None:
+    source = joined_scenes(tmp_path / "in.mkv", (20, 50))
+    (tmp_path / "elsewhere").mkdir()
+    one = chunks(prepare(asked(source, tmp_path / "out.mkv", **KNOWN)))
+    other = chunks(prepare(asked(source, tmp_path / "elsewhere" / "b.mp4", **KNOWN, encoding={"codec": "h264"}, path="smooth")))
+    assert one == other
+
+
+def test_a_range_is_cut_into_chunks_by_itself(tmp_path: Path) -> None:
+    source = joined_scenes(tmp_path / "in.mkv", (20, 20))
+    task = prepare(asked(source, tmp_path / "out.mkv", **KNOWN, span=(0.5, 1.0)))
+    assert (task.first, task.last, task.frames) == (12, 24, 12)
+    assert [(chunk.first, chunk.last, chunk.warm_up) for chunk in chunks(task)] == [(12, 19, 0), (20, 23, 0)]
+
+
+def test_a_range_beyond_the_clip_is_refused(tmp_path: Path) -> None:
+    source = joined_scenes(tmp_path / "in.mkv", (20,))
+    with pytest.raises(ValueError, match=r"at least one frame of the clip's 0\.83"):
+        prepare(asked(source, tmp_path / "out.mkv", **KNOWN, span=(60.0, 120.0)))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ({"exposure": None}, "exposure"),
+        ({"focal_px": None}, "focal-px"),
+        ({"readout": 0.05}, "readout"),
+        ({"encoding": {"codec": "prores"}}, "ProRes must be written to .mov"),
+        ({"rate": "fast"}, "rate must be frames a second"),
+        ({"steering": {"degree": 99}}, "degree must lie in"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_any_work(tmp_path: Path, words: dict[str, Any], said: str) -> None:
+    source = joined_scenes(tmp_path / "in.mp4", (4,))
+    with pytest.raises(ValueError, match=said):
+        prepare(asked(source, tmp_path / "out.mp4", **{**KNOWN, **words}))
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mp4"]
+
+
+def test_a_frame_too_small_to_measure_motion_by_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableError, match="at least 32 x 32 px, it is 64 x 24"):
+        prepare(asked(make(tmp_path / "in.mp4", rows=24), tmp_path / "out.mp4", **KNOWN))
+
+
+@pytest.mark.parametrize("name", ["out.mp4", "out.rsvideo.json", "out.gcsv"])
+def test_what_is_there_is_not_replaced_unless_asked(tmp_path: Path, name: str) -> None:
+    source = joined_scenes(tmp_path / "in.mp4", (4,))
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(FileExistsError, match=name):
+        prepare(asked(source, tmp_path / "out.mp4", **KNOWN))
+    prepare(asked(source, tmp_path / "out.mp4", **KNOWN, overwrite=True))
+    with pytest.raises(ValueError, match="must not be INPUT"):
+        prepare(asked(source, source, **KNOWN, overwrite=True))
+
+
+IRREGULAR = [0, 33, 67, 78, 133, 134, 222, 1000]  # ms
+
+
+@pytest.mark.parametrize("layout", ["yuv420p", "yuv422p10le"])
+def test_a_null_run_keeps_every_bit_time_and_packet(tmp_path: Path, layout: str) -> None:
+    source = make(tmp_path / "in.mkv", codec="ffv1", layout=layout, rows=47, cols=61, sound=True, base=Fraction(1, 1000), times=IRREGULAR)
+    task = prepare(asked(source, tmp_path / "out.mkv", method="none"))
+    outcome, records = carried_out(task, tmp_path)
+    (before, one), (after, other) = decoded(source), decoded(tmp_path / "out.mkv")
+    for p, q in zip(one, other, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(p, q, strict=True))
+    assert [int(t) * before.time_base for t in before.times] == [int(t) * after.time_base for t in after.times]
+    assert packets(source, "audio") == packets(tmp_path / "out.mkv", "audio") != []
+    assert (outcome.restored, outcome.left, outcome.failed) == (0, 8, 0)
+    assert {frame.verdict for record in records for frame in record.frames} == {"left as it was: no restoration was asked for"}
+    assert not (tmp_path / "out.gcsv").exists()
+
+
+def test_a_null_run_keeps_rotation_dates_and_tags(tmp_path: Path) -> None:
+    source = make(tmp_path / "in.mp4", rotation=90, sound=True, tags={"title": "a walk", "creation_time": "2024-05-06T07:08:09.000000Z"})
+    carried_out(prepare(asked(source, tmp_path / "out.mp4", method="none")), tmp_path)
+    before, after = decode.probe(source), decode.probe(tmp_path / "out.mp4")
+    assert before.rotation == after.rotation == 90
+    assert before.created == after.created
+    assert after.metadata["title"] == "a walk"
+    assert before.colour == after.colour
+    assert packets(source, "audio") == packets(tmp_path / "out.mp4", "audio")
+
+
+@pytest.mark.parametrize("layout", ["yuv420p", "yuv422p"])
+def test_source_and_result_stand_side_by_side_whatever_the_width(tmp_path: Path, layout: str) -> None:
+    source = make(tmp_path / "in.mkv", codec="ffv1", layout=layout, rows=47, cols=61)
+    carried_out(prepare(asked(source, tmp_path / "out.mkv", method="none", side_by_side=True)), tmp_path)
+    one, other = (luma(tmp_path / name) for name in ("in.mkv", "out.mkv"))
+    for p, q in zip(one, other, strict=True):
+        np.testing.assert_array_equal(q[:, :61], p)
+        np.testing.assert_array_equal(q[:, 61:122], p)
+
+
+@pytest.fixture(scope="module")
+def moving(tmp_path_factory: pytest.TempPathFactory) -> tuple[Moving, Path]:
+    """Six frames before one scene and four before another, as FFV1."""
+    first, second = Moving(frames=6, reach=10.0), Moving(frames=4, reach=10.0, scene="page")
+    pictures = [planes(r.blurred) for r in (*first.renderings, *second.renderings)]
+    return first, encode(tmp_path_factory.mktemp("moving") / "in.mkv", pictures)
+
+
+def task_of(moving: tuple[Moving, Path], output: Path, **words: Any) -> ClipTask:
+    first, source = moving
+    return prepare(asked(source, output, exposure=0.02, readout=0.02, focal_px=first.camera.fx, **words))
+
+
+def test_a_chunk_restored_twice_and_in_any_order_has_the_same_bytes(moving: tuple[Moving, Path], tmp_path: Path) -> None:
+    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"})
+    cut = chunks(task)
+    assert [(chunk.first, chunk.last) for chunk in cut] == [(0, 5), (6, 9)]
+    folders = [tmp_path / name for name in ("one", "other")]
+    for folder in folders:
+        folder.mkdir()
+    one = [work(task, chunk, folders[0], silent) for chunk in cut]
+    again = prepare(task.job)
+    other = [work(again, chunk, folders[1], silent) for chunk in reversed(cut)][::-1]
+    for a, b in zip(one, other, strict=True):
+        assert a.sha256 == b.sha256
+        assert (folders[0] / a.file).read_bytes() == (folders[1] / b.file).read_bytes()
+        assert a.steps == b.steps
+        assert [f.trajectory for f in a.frames] == [f.trajectory for f in b.frames]
+    assert ChunkRecord.model_validate_json(one[0].model_dump_json()) == one[0]
+    assert np.abs(np.array(one[0].steps)[:-1]).max() > 1
+    np.testing.assert_array_equal(np.array(one[0].steps)[-1], 0)  # nothing leads over a cut
+
+
+def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, Path], tmp_path: Path) -> None:
+    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, span=(0.0, 0.12))
+    told: list[tuple[int, str, float]] = []
+    work(task, chunks(task)[0], tmp_path, lambda *said: told.append(said))
+    assert {index for index, stage, _ in told if stage == "motion"} == {0, 1, 2}
+    for index in range(3):
+        mine = [fraction for i, stage, fraction in told if i == index and stage == "restoring"]
+        assert mine == sorted(mine)
+        assert mine[-1] == 1
+
+
+def test_a_chunk_looks_a_few_frames_ahead_but_not_over_the_end_of_a_range(moving: tuple[Moving, Path], tmp_path: Path) -> None:
+    assert AHEAD >= 1
+    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, span=(0.0, 0.08))
+    (chunk,) = chunks(task)
+    record = work(task, chunk, tmp_path, silent)
+    assert [frame.index for frame in record.frames] == [0, 1]
+
+
+def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: Path) -> None:
+    given = moving[0].motion(tmp_path / "motion.csv")
+    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, trajectory=given, span=(0.0, 0.16))
+    outcome, records = carried_out(task, tmp_path)
+    assert outcome.restored + outcome.left == 4
+    said = json.loads(task.record.read_text())
+    assert said["settings"]["trajectory_from"] == str(given)
+    assert said["settings"]["transfer"] == "bt709"
+    assert len(said["settings"]["input_sha256"]) == 64
+    assert [frame["index"] for frame in said["frames"]] == [0, 1, 2, 3]
+    assert [frame["time_s"] for frame in said["frames"]] == pytest.approx([0, 1 / 24, 2 / 24, 3 / 24], abs=1e-3)
+    assert {frame["timing"]["source"] for frame in said["frames"]} == {task.timing_source}
+    path = moving[0].path
+    for k, frame in enumerate(records[0].frames):
+        t = np.array(frame.trajectory.t_s)
+        true = path.at(t + frame.time_s) - path.at(np.array([frame.time_s + moving[0].timing.middle]))
+        np.testing.assert_allclose(frame.trajectory.poses()[:, :2], true[:, :2], atol=0.3, err_msg=f"frame {k}")
