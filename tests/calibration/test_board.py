@@ -29,6 +29,9 @@ def test_a_board_is_what_its_name_says() -> None:
     assert (board.kind, board.cols, board.rows, board.side, board.inner) == (Kind.CHARUCO, 5, 7, pytest.approx(0.03), pytest.approx(0.022))
     assert parse("aprilgrid:6x6:88mm:0.3").inner == pytest.approx(parse("aprilgrid:6x6:0.088m:26.4mm").inner)
     assert len(parse(CHESSBOARD).corners()) == 54
+    first, last = parse(GRID).corners()[[0, -1], :2]  # tags are counted from the bottom left, as kalibr does
+    assert first[0] < last[0]
+    assert first[1] > last[1]
     assert parse(CHESSBOARD).extent == pytest.approx((0.25, 0.175))
 
 

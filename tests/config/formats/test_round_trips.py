@@ -146,6 +146,13 @@ def test_the_published_calibration_of_opencvs_chessboards_is_read(shared: Path) 
     assert (read.mode.rows, read.mode.cols) == (480, 640)
 
 
+def test_a_readout_is_said_with_the_source_of_its_part() -> None:
+    what = camera(timing={"readout_s": 0.01573, "found": {"source": "led.mp4"}})
+    readout = profile.for_clip(what, 1080, 1920, 29.97)[0].readout
+    assert readout is not None
+    assert readout.source == "the profile of Maker X 1 (led.mp4)"
+
+
 def test_our_own_file_keeps_everything(tmp_path: Path) -> None:
     what = camera(
         name="1e5",  # a word, though it looks like a number
