@@ -105,6 +105,9 @@ class Deblur(_Section):
     """How the sharp picture is found."""
 
     method: Literal["rsvideo", "none"] = Field(default="rsvideo", description="none decodes and encodes, and changes nothing.")
+    frames: Literal["together", "alone", "cold"] | None = Field(
+        default=None, description="Restored with their neighbours (as if left out), along the clip's path only, or each as a still."
+    )
     prior: Literal["denoiser", "tv"] | None = Field(default=None, description="What a sharp picture is taken to look like.")
 
 

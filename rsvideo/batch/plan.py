@@ -219,7 +219,7 @@ def _check_apart(requests: Sequence[tuple[Request, bool]]) -> None:
 
 def _job(treatment: Treatment, source: Path, output: Path, path: Path, *, overwrite: bool) -> ClipJob:
     camera, motion, deblur, encoding = treatment.camera, treatment.motion, treatment.deblur, treatment.encoding
-    steering = {"motion": motion.model, "degree": motion.degree, "start": motion.start, "prior": deblur.prior}
+    steering = {"motion": motion.model, "degree": motion.degree, "start": motion.start, "prior": deblur.prior, "frames": deblur.frames}
     written = encoding.model_dump(include={"codec", "quality", "pixel_format"}, exclude_none=True)
     profile = camera.profile
     if profile is not None and (beside := _beside(path, profile)).is_file():

@@ -40,6 +40,10 @@ def deblur(
     scanlines_total: Annotated[int | None, Option(metavar="N", help="Of a clip: visible and blanking lines, instead of --readout.")] = None,
     camera: Annotated[str | None, Option(metavar="NAME", help="Of a clip: a profile, its file, or a camera of the public table.")] = None,
     method: Annotated[Literal["rsvideo", "none"], Option(help="Of a clip: none decodes and encodes only.")] = "rsvideo",
+    frames: Annotated[
+        Literal["together", "alone", "cold"] | None,
+        Option(help="Of a clip: restored with their neighbours, along its path only, or each as a still. [default: together]"),
+    ] = None,
     path: Annotated[Literal["keep", "smooth"], Option(help="Of a clip: the camera's own path, or a smooth one with a crop.")] = "keep",
     part: Annotated[str | None, Option("--range", metavar="FROM-TO", help="Of a clip: the part to restore, such as 00:10-00:12.")] = None,
     side_by_side: Annotated[bool, Option("--side-by-side", help="Of a clip: the source on the left, the result on the right.")] = False,
@@ -68,7 +72,7 @@ def deblur(
     from rsvideo.physics.shutter import Direction
     from rsvideo.physics.tone import Transfer
 
-    steering = {"motion": motion, "degree": degree, "start": start, "prior": prior}
+    steering = {"motion": motion, "degree": degree, "start": start, "prior": prior, "frames": frames}
     encoding = {"codec": codec, "quality": quality, "pixel_format": pixel_format}
     clips_only = {
         "--shutter-angle": shutter_angle,
@@ -76,6 +80,7 @@ def deblur(
         "--camera": camera,
         "--range": part,
         "--rate": rate,
+        "--frames": frames,
         "--side-by-side": side_by_side or None,
         "--method": method if method != "rsvideo" else None,
         "--path": path if path != "keep" else None,

@@ -333,7 +333,7 @@ def _frame(task: ClipTask, picture: Picture) -> Frame:
 def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[int], None]) -> Movement:
     """The motion within each frame, and from each to the next."""
     camera, axes = task.camera.intrinsics, 3
-    if task.job.method == "none":
+    if task.job.method == "none" or task.settings.frames == "cold":
         return Movement(within=[None] * len(pictures), steps=np.zeros((len(pictures), axes)), tied=[False] * len(pictures))
     if task.job.trajectory is not None:
         given = task.job.trajectory

@@ -48,7 +48,7 @@ class Settings:
     tolerance: float = 0.25  # px, a tile's error at its edge
     candidates: int = 5  # first trajectories that are refined before one is chosen
     trust: float = 0.15  # in the strips' kernels, against the picture's sparsity
-    neighbours: int = 3  # of a clip: frames on either side that a frame is restored with
+    frames: Literal["together", "alone", "cold"] = "together"  # of a clip: with their neighbours, along its path only, or as stills
     threads: int = 2  # for the strips; compiled loops use numba's own setting
 
     def __post_init__(self) -> None:

@@ -49,6 +49,7 @@ TRUST = 2e-3  # tau
 BLURRED = 6.0  # px an exposure, from which on blur adds to what tracks say
 STEPS = 6  # of the refinement
 SAMPLE = 1e-3  # s, of a path over all frames
+NEIGHBOURS = 3  # frames on either side that a frame is restored with
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # and from here on it is fully restored
 COLS = 480  # with most texture, which serve it
@@ -248,9 +249,9 @@ def restored(
     """Each frame's latent image at the pose of the middle of its interval, with the help of its neighbours.
 
     A frame whose motion is not known is restored by itself, blindly. A frame that moves by less than STILL px is left as it was,
-    and up to MOVING px it is mixed with its restoration, so that nothing flickers. At most 2 `settings.neighbours` + 1 frames are kept.
+    and up to MOVING px it is mixed with its restoration, so that nothing flickers. At most 2 NEIGHBOURS + 1 frames are kept.
     """
-    reach = settings.neighbours
+    reach = NEIGHBOURS if settings.frames == "together" else 0
     poses = np.vstack([np.zeros((1, movement.steps.shape[1])), np.cumsum(movement.steps[:-1], axis=0)])
     group = np.cumsum([0, *(not t for t in movement.tied[:-1])])
     poses = poses @ timing.direction.pose_from_scanlines[: poses.shape[1], : poses.shape[1]]
