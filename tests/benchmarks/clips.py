@@ -1,0 +1,103 @@
+"""Restore every clip of a folder of cases with the installed command and print what was gained, and how steady it is.
+
+    python tests/benchmarks/clips.py CASES -o RESULTS [--known] [--alone] [--cold]
+
+CASES holds a folder a case: clip.mp4, truth.mp4, motion.csv, case.json. With --known the motion of motion.csv is given and each
+frame restored by itself: the bound of what its own blur has left. With --alone frames are restored along the clip's path without
+their neighbours' help; with --cold every frame is restored blindly, as a still. RESULTS gets NAME.mp4, its sidecar and its log.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from rsvideo.physics.camera import Intrinsics, turned
+from rsvideo.report.metrics import BORDER, path_error, psnr
+from rsvideo.video.decode import pictures, probe
+
+
+def luma(path: Path) -> list[np.ndarray]:
+    """Every picture's Y in [0, 1], (rows, columns, 1)."""
+    stream = probe(path)
+    return [p.planes[0][..., None].astype(np.float32) / stream.colour.top for p in pictures(stream)]
+
+
+def unsteadiness(frames: Sequence[np.ndarray], poses: np.ndarray, camera: Intrinsics) -> float:
+    """RMS difference of neighbouring frames after their true motion is undone, in dB below white."""
+    x, y = np.meshgrid(np.arange(camera.cols, dtype=float), np.arange(camera.rows, dtype=float))
+    squares = []
+    for k in range(len(frames) - 1):
+        at = turned(camera, x, y, np.broadcast_to(poses[k] - poses[k + 1], (camera.rows, camera.cols, 3)))
+        later = cv2.remap(frames[k + 1], (x + at[..., 0]).astype(np.float32), (y + at[..., 1]).astype(np.float32), cv2.INTER_LANCZOS4)
+        squares.append(((later - frames[k][..., 0])[BORDER:-BORDER, BORDER:-BORDER] ** 2).mean())
+    return float(10 * np.log10(np.mean(squares)))
+
+
+def main() -> None:
+    """Run, and print a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cases", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    for flag in ("--known", "--alone", "--cold"):
+        parser.add_argument(flag, action="store_true")
+    args = parser.parse_args()
+    args.output.mkdir(parents=True, exist_ok=True)
+    print(
+        "| clip | blurred dB | restored dB | gain dB | least gain of a frame dB | path error px | seconds a frame | unsteadiness dB: truth, blurred, restored |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
+    for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
+        facts = json.loads((case / "case.json").read_text())
+        output = args.output / f"{case.name}.mp4"
+        words = ["rsvideo", "deblur", case / "clip.mp4", "-o", output, "--exposure", facts["exposure_s"], "--readout", facts["readout_s"]]
+        words += ["--focal-px", facts["focal_px"], "--overwrite", "--json"]
+        words += (
+            ["--trajectory", case / "motion.csv"]
+            if args.known
+            else ["--frames", "alone"]
+            if args.alone
+            else ["--frames", "cold"]
+            if args.cold
+            else []
+        )
+        done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=7200)
+        if done.returncode:
+            sys.exit(f"{case.name}: {done.stderr}")
+        records = json.loads(done.stdout)["frames"]
+        t, pitch, yaw, roll = np.loadtxt(case / "motion.csv", delimiter=",", skiprows=1).T
+        focal = facts["focal_px"]
+        path = np.stack([focal * yaw, -focal * pitch, roll], axis=1)
+
+        def pose(at: np.ndarray, t: np.ndarray = t, path: np.ndarray = path) -> np.ndarray:
+            return np.stack([np.interp(at, t, column) for column in path.T], axis=1)
+
+        errors = [
+            path_error(
+                np.stack([r["trajectory"]["x_px"], r["trajectory"]["y_px"]], axis=1), pose(r["time_s"] + np.array(r["trajectory"]["t_s"]))
+            )
+            for r in records
+        ]
+        truth, before, after = (luma(path) for path in (case / "truth.mp4", case / "clip.mp4", output))
+        if not len(truth) == len(before) == len(after):
+            sys.exit(f"{case.name}: {len(truth)} true, {len(before)} blurred and {len(after)} restored frames")
+        values = np.array([(psnr(b, s), psnr(a, s)) for b, a, s in zip(before, after, truth, strict=True)])
+        camera = Intrinsics.centred(focal=focal, rows=facts["rows"], cols=facts["cols"])
+        middles = pose(np.array([r["time_s"] for r in records]) + 0.5 * (facts["readout_s"] + facts["exposure_s"]))
+        steady = ", ".join(f"{unsteadiness(frames, middles, camera):.1f}" for frames in (truth, before, after))
+        gain = values[:, 1] - values[:, 0]
+        seconds = np.mean([r["seconds"] for r in records])
+        print(
+            f"| {case.name} | {values[:, 0].mean():.2f} | {values[:, 1].mean():.2f} | {gain.mean():.2f} | {gain.min():.2f} |"
+            f" {np.median(errors):.2f} | {seconds:.1f} | {steady} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
