@@ -76,7 +76,8 @@ def calibrate(views: Sequence[View], *, model: str | None = None) -> Fit:
         usual, worst = float(np.median(errors)), int(np.argmax(errors))
         if errors[worst] <= _ODD * usual or len(kept) <= ENOUGH:
             break
-        why = f"its corners do not fit: {errors[worst]:.2f} px, where half of the views have less than {usual:.2f} px; is the board bent?"
+        why = f"its corners do not fit: {errors[worst]:.2f} px, where half of the views have less than {usual:.2f} px"
+        why += "; is the board bent, or covered in part?"
         refused.append(Refused(name=kept.pop(worst).name, why=why))
     if refused:
         chosen_before = chosen

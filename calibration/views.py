@@ -14,7 +14,7 @@ from rsvideo.video import decode, still
 from rsvideo.video.clip import Picture, Stream
 
 MOST_VIEWS = 40  # more add time and little else
-_MOST_LOOKED_AT = 240  # of a clip's pictures
+MOST_LOOKED_AT = 240  # of a clip's pictures
 _BLURRED = 1.6  # edges that many times as wide as the sharpest views' are blurred
 _ALIKE_IN_CLIP, _ALIKE = 0.06, 0.005  # how near the board's corners may be, as part of the picture; photographs are taken on purpose
 _MOST_SHEAR, _NO_SHEAR = 1.0, 0.3  # px by which motion may shift a board's rows against each other; less than the latter does no harm
@@ -90,7 +90,7 @@ def of_photographs(paths: Sequence[Path], board: Board) -> Iterator[View | Refus
 
 def of_clip(stream: Stream, board: Board) -> Iterator[View | Refused]:
     """Pictures evenly spread over a clip, each with the speed of its corners towards the next picture."""
-    step = max(1, -(-stream.frames // _MOST_LOOKED_AT))
+    step = max(1, -(-stream.frames // MOST_LOOKED_AT))
     last: tuple[View, UInt8[np.ndarray, "rows cols"], float] | None = None
     for picture in decode.pictures(stream):
         if last is not None:

@@ -12,7 +12,9 @@ from typer import Option
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:
-    from calibration.views import Taken
+    from collections.abc import Iterator
+
+    from calibration.views import Refused, Taken, View
     from rsvideo.config.camera import CameraProfile
 
 calibrate = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=True)
@@ -320,14 +322,27 @@ def _taken(sources: list[Path], target: Any, rolling: float | None) -> "tuple[Ta
         raise RefusedError(f"views must be photographs or one clip, got {len(sources)} files with {clips[0].name} among them")
     if clips:
         stream = decode.probe(clips[0])
-        taken = views.chosen(list(views.of_clip(stream, target)), clip=True, readout=rolling)
+        found = _watched(views.of_clip(stream, target), min(stream.frames, views.MOST_LOOKED_AT))
+        taken = views.chosen(found, clip=True, readout=rolling)
         return taken, views.named(clips), round(float(stream.rate), 3), metadata.shot(stream).camera
     files = list(views.photographs(sources))
     if not files:
         raise RefusedError(f"{sources[0]} holds no photograph; is it the right folder?")
-    taken = views.chosen(list(views.of_photographs(files, target)), clip=False, readout=rolling)
+    taken = views.chosen(_watched(views.of_photographs(files, target), len(files)), clip=False, readout=rolling)
     by_name = views.named(files)
     return taken, by_name, None, still.read(by_name[taken.views[0].name]).shot.camera
+
+
+def _watched(found: "Iterator[View | Refused]", count: int) -> "list[View | Refused]":
+    """All of them, with a bar while they come."""
+    from rsvideo.cli.progress import bar
+
+    seen: list[Any] = []
+    with bar() as tell:
+        for one in found:
+            seen.append(one)
+            tell("looking for the board", min(1.0, len(seen) / count))
+    return seen
 
 
 def _named(*names: "str | Path | None") -> str:
