@@ -15,6 +15,7 @@ from rsvideo.config.yaml import meant, shown
 EXAMPLES = "chessboard:9x6:25mm, charuco:5x7:DICT_6X6_250:30mm:22mm or aprilgrid:6x6:30mm:9mm"
 FEWEST = 6  # corners of one view
 _MOST = 100  # squares or tags along a side
+_SMALLEST, _NARROWEST = 24, 20  # px, and how many times as long as wide: a board in less is not to be found, and finders fail on it
 _FIND_PX = 1280  # a chessboard is looked for in a picture no longer than that, and refined in the whole one
 _WINDOW, _WIDEST = 1 / 3, 16  # half of the window about a corner: part of the distance to the next one, and px
 _TAGS = "DICT_APRILTAG_36h11"
@@ -186,6 +187,8 @@ def _cells(board: Board, number: int, corner: Float[np.ndarray, "2"], side: floa
 
 def find(board: Board, grey: UInt8[np.ndarray, "rows cols"]) -> Seen | None:
     """The board's corners in a picture, or None where it is not to be seen."""
+    if min(grey.shape) < _SMALLEST or max(grey.shape) > _NARROWEST * min(grey.shape):
+        return None
     match board.kind:
         case Kind.CHESSBOARD:
             seen = _find_chessboard(board, grey)

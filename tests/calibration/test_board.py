@@ -93,6 +93,13 @@ def test_a_picture_without_a_board_has_none() -> None:
         assert find(parse(name), np.zeros((120, 160), np.uint8)) is None
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (2, 5), (1, 3000), (20_000, 30), (24, 24)])
+def test_a_picture_of_any_shape_is_looked_at(shape: tuple[int, int]) -> None:
+    checks = (np.indices(shape).sum(axis=0) // 3 % 2 * 255).astype(np.uint8)
+    for name in (CHESSBOARD, CHARUCO, GRID):
+        assert find(parse(name), checks) is None
+
+
 def test_the_paper_is_to_scale() -> None:
     data = sheet.draw(parse(CHESSBOARD), CHESSBOARD)
     box = [float(x) for x in re.search(rb"/MediaBox \[ ?([^\]]*)\]", data)[1].split()]  # pyright: ignore[reportOptionalSubscript]
