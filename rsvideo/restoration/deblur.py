@@ -19,7 +19,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.solvers.banded import BandedHermitian
-from rsvideo.solvers.collaborative import denoise
+from rsvideo.solvers.collaborative import denoise, match
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.prox import soft_threshold
 
@@ -186,11 +186,13 @@ def deblur(
     yield image
     if prior == "tv":
         return
-    pilot = None
-    for sigma in np.geomspace(max(COARSEST, 3 * noise), 1.25 * noise, SPLITTINGS):
+    pilot = matches = None
+    for step, sigma in enumerate(np.geomspace(max(COARSEST, 3 * noise), 1.25 * noise, SPLITTINGS)):
         root = np.sqrt(np.maximum(image, 0) + LIFT)
         strength = float(sigma / (2 * np.median(root)))
-        pilot = denoise(root, strength, pilot=denoise(root, strength) if pilot is None else pilot)
+        pilot = denoise(root, strength) if pilot is None else pilot
+        matches = match(pilot) if step % 2 == 0 else matches  # which patches look alike changes slowly
+        pilot = denoise(root, strength, pilot=pilot, matches=matches)
         smooth = (pilot * pilot - LIFT).astype(np.float32)
         ridge = float(noise**2 / sigma**2)
         latents = [
