@@ -48,9 +48,8 @@ def main() -> None:
         parser.add_argument(flag, action="store_true")
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    print(
-        "| clip | blurred dB | restored dB | gain dB | least gain of a frame dB | path error px | seconds a frame | unsteadiness dB: truth, blurred, restored |"
-    )
+    columns = ("blurred dB", "restored dB", "gain dB", "least gain of a frame dB", "path error px", "seconds a frame")
+    print(f"| clip | {' | '.join(columns)} | unsteadiness dB: truth, blurred, restored |")
     print("|---|---|---|---|---|---|---|---|")
     for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
         facts = json.loads((case / "case.json").read_text())
