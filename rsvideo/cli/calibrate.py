@@ -255,7 +255,8 @@ def response(
     best = sorted(found.rests.items(), key=lambda one: one[1])[:4]
     _say("what each curve leaves of light: " + ", ".join(f"{curve} {rest:.1%}" for curve, rest in best))
     if found.noise:
-        _say(f"noise by {found.noise.how}; it belongs to the ISO that was set")
+        twice = "" if "pairs" in found.noise.how else "; two photographs at each exposure tell it more surely"
+        _say(f"noise by {found.noise.how}; it belongs to the ISO that was set{twice}")
     else:
         _say("too few flat patches to measure noise by; a defocused wall has many")
     _finish(profile, output)
