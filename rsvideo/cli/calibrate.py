@@ -1,6 +1,5 @@
 """rsvideo calibrate: measures a camera with things that people have at home, and writes what it finds into its profile."""
 
-import contextlib
 import enum
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
+from rsvideo.cli.calibrate_readout import readout
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:
@@ -18,10 +18,7 @@ if TYPE_CHECKING:
     from rsvideo.config.camera import CameraProfile
 
 calibrate = typer.Typer(add_completion=False, rich_markup_mode=None, no_args_is_help=True)
-with contextlib.suppress(ModuleNotFoundError):
-    from rsvideo.cli.calibrate_readout import readout  # pyright: ignore[reportMissingImports]
-
-    calibrate.command()(readout)
+calibrate.command()(readout)
 
 BOARD = "chessboard:9x6:25mm (inner corners, side of a square), charuco:5x7:DICT_6X6_250:30mm:22mm or aprilgrid:6x6:30mm:9mm."
 
