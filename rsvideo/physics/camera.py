@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +57,20 @@ def turned(
     twice = (b * cross[2] - c * cross[1], c * cross[0] - a * cross[2], a * cross[1] - b * cross[0])
     ray = [m + sine * p + cosine * q for m, p, q in zip((u, v, np.ones_like(u)), cross, twice, strict=True)]  # Rodrigues
     return np.stack([intrinsics.fx * (ray[0] / ray[2] - u), intrinsics.fy * (ray[1] / ray[2] - v)], axis=-1)
+
+
+def homography(intrinsics: Intrinsics, pose: Float[np.ndarray, " axes"]) -> Float[np.ndarray, "3 3"]:
+    """C R C^-1 of Eq. (4): where every pixel samples the scene under one pose; what `turned` says pixel by pixel."""
+    if len(pose) == 2:
+        return np.array([[1, 0, pose[0]], [0, 1, pose[1]], [0, 0, 1.0]])
+    rotation = Rotation.from_rotvec([-pose[1] / intrinsics.fy, pose[0] / intrinsics.fx, pose[2]]).as_matrix()
+    return intrinsics.matrix @ rotation @ np.linalg.inv(intrinsics.matrix)
+
+
+def projected(matrix: Float[np.ndarray, "3 3"], x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
+    """The image of the points (x, y) under a homography."""
+    u, v, w = (row[0] * x + row[1] * y + row[2] for row in matrix)
+    return np.stack([u / w, v / w], axis=-1)
 
 
 def lever(intrinsics: Intrinsics, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"], axes: int) -> Float[np.ndarray, "*n 2 axes"]:
