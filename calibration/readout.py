@@ -38,6 +38,7 @@ _FAINTEST = 5e-3  # of a light's energy, in a fundamental that is weaker than it
 _FOLLOWS = 0.7  # of the energy of bands, that follows the frames' times
 _WANDERS = 0.1  # of a cycle; less is standing still
 _NYQUIST = 0.45  # cycles a row; faster bands may be others' aliases
+_DISAGREE = 5.0  # deviations between photographs
 _VAGUE = 0.05  # of the readout
 _EDGE = 0.5  # rows of the frame's height, which resampling of the sensor's rows leaves uncertain
 
@@ -116,6 +117,27 @@ def measure(
         direction=None if sign is None else downwards[0 if sign > 0 else 1],
         frames=len(light),
         notes=_rivals(flicker, rows * nu / flicker, sign, begins, longest) + beyond,
+    )
+
+
+def combined(bands: Sequence[Bands]) -> Bands:
+    """What several photographs of one mode say together: the mean, whose deviation is the larger of what is stated and of what is seen."""
+    readouts, stds = np.array([one.readout for one in bands]), np.array([one.std for one in bands])
+    weights = stds**-2 / np.sum(stds**-2)
+    mean, rows = float(weights @ readouts), bands[0].readout / bands[0].row_time
+    spread = float(np.sqrt(weights @ (readouts - mean) ** 2 / max(len(bands) - 1, 1)))
+    if (apart := float(np.max(np.abs(readouts - mean) / stds))) > _DISAGREE:
+        told = f"{1e3 * readouts.min():.4g} to {1e3 * readouts.max():.4g} ms"
+        raise CannotTellError(f"the photographs say {told}, {apart:.1f} deviations apart; are all of one mode, under one light?")
+    row_time = mean / rows
+    return replace(
+        bands[0],
+        period=1 / (bands[0].light * row_time),
+        row_time=row_time,
+        readout=mean,
+        std=max(spread, float(stds.min())),
+        frames=len(bands),
+        notes=tuple(dict.fromkeys(note for one in bands for note in one.notes)),
     )
 
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -179,6 +179,8 @@ def _from_flicker(path: Path, hertz: float, rate: Any, direction: "Direction | N
     from rsvideo.cli.progress import bar
 
     _, ways = _sides(direction)
+    if path.is_dir() and rate is None:
+        return _from_photographs(path, hertz, ways)
     seen = footage.look(path, rate)
     profiles, times, count = [], [], min(most, seen.frames)
     with bar() as show:
@@ -191,6 +193,37 @@ def _from_flicker(path: Path, hertz: float, rate: Any, direction: "Direction | N
     more = {"row_time_s": bands.row_time, "period_rows": bands.period, "light_hz": bands.light, "frames": bands.frames}
     notes = seen.notes + bands.notes + (() if bands.frames > 1 else ("one picture tells no direction and less than a clip",))
     return _answer(seen, bands.readout, bands.std, bands.direction, how, notes, more)
+
+
+def _from_photographs(folder: Path, hertz: float, ways: "tuple[Direction, Direction]") -> Answer:
+    """Each photograph by itself, and what all say together."""
+    from calibration import footage, views
+    from calibration.readout import CannotTellError, combined, measure, profile
+    from rsvideo.config.files import UnreadableError
+
+    files = views.photographs([folder])
+    if not files:
+        raise UnreadableError(f"{folder} holds no photograph; is it the right folder?")
+    looked, bands, notes = [], [], []
+    for path in files:
+        seen = footage.look(path, None)
+        try:
+            told = [measure([profile(ways[0].scanlines(light))], [0.0], hertz, downwards=ways) for _, light in footage.frames(seen, 1)]
+        except CannotTellError as error:
+            notes.append(f"not used: {path.name}: {error}")
+            continue
+        if looked and (seen.rows, seen.cols) != (looked[0].rows, looked[0].cols):
+            raise ValueError(f"photographs must be of one size, {path.name} is {seen.cols} x {seen.rows}, {looked[0].files[0].name} is not")
+        looked.append(seen)
+        bands += told
+    if not bands:
+        raise CannotTellError(f"none of {_counted(len(files), 'photograph')} shows bands: {notes[0].split(': ', 2)[2]}")
+    found = combined(bands)
+    how = f"bands of a light that flickers at {found.light:g} Hz, {found.period:.5g} rows apart, in {_counted(len(bands), 'photograph')}"
+    more = {"row_time_s": found.row_time, "period_rows": found.period, "light_hz": found.light, "frames": len(bands)}
+    single = ("photographs tell no direction; for a clip's frames, which do, give --rate",)
+    answer = _answer(looked[0], found.readout, found.std, None, how, (*notes, *found.notes, *single), more)
+    return replace(answer, files=tuple(path for seen in looked for path in seen.files))
 
 
 def _from_clip(path: Path, rate: Any, direction: "Direction | None", most: int) -> Answer:

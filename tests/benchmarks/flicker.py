@@ -1,11 +1,11 @@
 """Measure the readout of simulated clips under flickering lights and print how far it is off.
 
-    python tests/benchmarks/flicker.py [--cases 60] [--seed 0] [--still] [--slip 2]
+    python tests/benchmarks/flicker.py [--cases 60] [--seed 0] [--still] [--slip 2] [--hand 2]
 
 Each case draws a readout of 5 to 35 ms, a light of 100 Hz to 2 kHz (a sine, or a square wave of any duty), an exposure of up to half its
 period, a frame rate, a scene whose contrast along the rows is up to ten times that of the bands, a slow drift of the light, shot and
-read noise, and 8-bit sRGB codes. --still keeps the first frame only;
---slip says a wrong frequency.
+read noise, and 8-bit sRGB codes. --still keeps the first frame only; --slip says a frequency that is so many times the light's; --hand
+moves the scene by so many px from frame to frame.
 """
 
 import argparse
@@ -33,7 +33,7 @@ def scene(rng: np.random.Generator, contrast: float) -> np.ndarray:
     return np.minimum(light, 0.9)[..., None]
 
 
-def case(seed: int, frames: int, slip: float) -> dict:
+def case(seed: int, frames: int, slip: float, hand: float) -> dict:
     """One clip, measured; its light is said to be `slip` times as fast as it is."""
     rng = np.random.default_rng([seed, 7])
     readout = float(rng.uniform(5e-3, 35e-3))
@@ -51,8 +51,10 @@ def case(seed: int, frames: int, slip: float) -> dict:
     timing = ShutterTiming.from_readout(exposure=exposure, readout=readout, rows=ROWS, direction=direction)
     drift = rng.uniform(-0.01, 0.01)  # cycles a frame
     profiles, times = [], []
+    wander = np.cumsum(hand * rng.standard_normal((frames, 2)), axis=0) * (hand > 0)
     for k in range(frames):
-        light = flicker.lit(still, timing, flicker.gains(timing, k / fps, amplitudes, hertz=hertz, cycles=drift * k))
+        moved = np.roll(still, tuple(np.round(wander[k]).astype(int)), axis=(0, 1))
+        light = flicker.lit(moved, timing, flicker.gains(timing, k / fps, amplitudes, hertz=hertz, cycles=drift * k))
         light = light + rng.standard_normal(light.shape) * 0.005 * np.sqrt(0.5 + np.maximum(light, 0))
         codes = np.round(255 * tone.encode(Transfer.SRGB, np.clip(light, 0, 1).astype(np.float32)))
         profiles.append(profile(tone.decode(Transfer.SRGB, codes / np.float32(255))))
@@ -79,8 +81,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--still", action="store_true")
     parser.add_argument("--slip", type=float, default=1.0)
+    parser.add_argument("--hand", type=float, default=0.0)
     args = parser.parse_args()
-    done = [case(args.seed + k, 1 if args.still else FRAMES, args.slip) for k in range(args.cases)]
+    done = [case(args.seed + k, 1 if args.still else FRAMES, args.slip, args.hand) for k in range(args.cases)]
     print("| light Hz | fps | bands a frame | depth | scene / bands | readout ms | error % | stated std % | direction |")
     print("|---|---|---|---|---|---|---|---|---|")
     for one in done:

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Float
 
 from calibration import flicker
-from calibration.readout import Bands, CannotTellError, measure, profile
+from calibration.readout import Bands, CannotTellError, combined, measure, profile
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.video import still
 
@@ -132,6 +132,16 @@ def test_less_than_two_bands_that_stand_still_give_no_answer() -> None:
 def test_too_few_rows_for_a_fast_light_are_refused() -> None:
     with pytest.raises(CannotTellError, match="240 rows are too few for a light of 20000 Hz"):
         found(*film(), 20000.0)
+
+
+def test_photographs_together_say_more_than_one_and_must_agree() -> None:
+    each = [measure([one], [0.0], 1000.0) for one in film(contrast=0.05, frames=5)[0]]
+    both = combined(each)
+    assert abs(both.readout - 0.02) < 2 * both.std <= 2 * max(one.std for one in each)
+    assert both.frames == 5
+    other = measure(*film(contrast=0.05, frames=1, readout=0.022), 1000.0)
+    with pytest.raises(CannotTellError, match="are all of one mode"):
+        combined([*each, other])
 
 
 def test_a_black_clip_is_refused() -> None:

@@ -138,6 +138,20 @@ def test_a_photograph_and_a_folder_of_frames_do_too(tmp_path: Path) -> None:
     assert len(facts["profile"]["timing"]["found"]["files"]) == 10
 
 
+def test_photographs_in_a_folder_are_measured_each_and_those_without_bands_are_told(tmp_path: Path) -> None:
+    folder = tmp_path / "photographs"
+    folder.mkdir()
+    rng = np.random.default_rng(4)
+    for k, light in enumerate([*lit(frames=4), 0.3 + 0.003 * rng.standard_normal((ROWS, COLS))]):
+        codes = np.round(255 * tone.encode(Transfer.SRGB, np.clip(light, 0, 1).astype(np.float32))).astype(np.uint8)
+        assert cv2.imwrite(str(folder / f"{k}.jpg"), codes, [cv2.IMWRITE_JPEG_QUALITY, 95])
+    code, facts = ran(folder, "--flicker", "500Hz")
+    assert code == 0
+    assert abs(facts["readout_s"] - 0.018) < 2 * facts["std_s"] < 0.0004
+    assert set(facts["profile"]["timing"]["found"]["files"]) == {f"{k}.jpg" for k in range(4)}
+    assert any("not used: 4.jpg: no bands stand out" in note for note in facts["notes"])
+
+
 def test_hand_held_footage_tells_it_with_the_curvature_of_its_cost(hand_held: Path) -> None:
     code, facts = ran("--from-clip", hand_held)
     assert code == 0
@@ -203,6 +217,7 @@ def test_a_profile_is_added_to_and_never_replaced_unasked(bands: Path, tmp_path:
         (("missing.mp4", "--flicker", "500Hz"), 3, "does not exist"),
         (("missing.png", "--flicker", "500Hz"), 3, "does not exist"),
         (("--from-clip", "EMPTY"), 3, "is empty"),
+        (("FOLDER", "--flicker", "500Hz"), 3, "holds no photograph"),
         (("--from-clip", "PHOTO"), 2, "must be a clip, a photograph shows no motion"),
         (("CLIP", "--flicker", "500Hz", "--rate", "0"), 2, "rate must be a number of frames"),
     ],
@@ -210,8 +225,9 @@ def test_a_profile_is_added_to_and_never_replaced_unasked(bands: Path, tmp_path:
 def test_what_cannot_be_meant_is_refused_in_one_line(
     words: tuple[str, ...], code: int, line: str, bands: Path, photograph: Path, tmp_path: Path
 ) -> None:
+    (tmp_path / "none").mkdir()
     (tmp_path / "empty.mp4").write_bytes(b"")
-    places = {"CLIP": bands, "EMPTY": tmp_path / "empty.mp4", "PHOTO": photograph}
+    places = {"CLIP": bands, "EMPTY": tmp_path / "empty.mp4", "PHOTO": photograph, "FOLDER": tmp_path / "none"}
     refused(code, line, *(places.get(word, word) for word in words))
 
 
