@@ -160,8 +160,10 @@ def _started(threads: int, *, quiet: bool) -> _Worker:
     ours, theirs = spawn.Pipe()
     process = spawn.Process(target=_serve, args=(theirs, quiet), daemon=True)
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # a worker is born deaf to them, and opens its ears when it can obey
+    one_each = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    patience = os.environ.get("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other
     try:
-        with _environment(NUMBA_NUM_THREADS=str(threads), OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1"):
+        with _environment(NUMBA_NUM_THREADS=str(threads), OMP_WAIT_POLICY=patience, **one_each):
             process.start()  # these are read once, when the libraries are first imported
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)

@@ -47,7 +47,9 @@ def deblur(
     path: Annotated[Literal["keep", "smooth"], Option(help="Of a clip: the camera's own path, or a smooth one with a crop.")] = "keep",
     part: Annotated[str | None, Option("--range", metavar="FROM-TO", help="Of a clip: the part to restore, such as 00:10-00:12.")] = None,
     side_by_side: Annotated[bool, Option("--side-by-side", help="Of a clip: the source on the left, the result on the right.")] = False,
-    codec: Annotated[str | None, Option(help="Of a clip: h264, hevc, prores, dnxhr, ffv1, png, tiff, exr. [default: the same]")] = None,
+    codec: Annotated[
+        Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"] | None, Option(help="Of a clip. [default: same]")
+    ] = None,
     quality: Annotated[float | None, Option(min=0, max=63, help="Constant rate factor of h264 and hevc.")] = None,
     pixel_format: Annotated[str | None, Option(metavar="NAME", help="By FFmpeg's name, such as yuv422p10le.")] = None,
     on_damage: Annotated[Literal["fail", "passthrough", "skip"], Option(help="What to do with damaged frames of a clip.")] = "fail",
@@ -62,6 +64,7 @@ def deblur(
     Beside OUTPUT a sidecar <stem>.rsvideo.json records the timing, the motion that was found and the verdict of each frame;
     of a clip, <stem>.gcsv the motion as a gyroscope's log.
     """
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other on a busy machine
     if threads:
         os.environ["NUMBA_NUM_THREADS"] = str(threads)  # read once, when numba is first imported
 
