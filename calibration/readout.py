@@ -37,6 +37,7 @@ _ALIKE = 0.7  # of the energy of bands, that all columns share
 _FAINTEST = 5e-3  # of a light's energy, in a fundamental that is weaker than its harmonics
 _FOLLOWS = 0.7  # of the energy of bands, that follows the frames' times
 _WANDERS = 0.1  # of a cycle; less is standing still
+_FALLING = np.array([1.0, -1.0])  # whitens a scene's rows, at first
 _NYQUIST = 0.45  # cycles a row; faster bands may be others' aliases
 _DISAGREE = 5.0  # deviations between photographs
 _VAGUE = 0.05  # of the readout
@@ -368,8 +369,13 @@ def _wandering(light: np.ndarray, phases: np.ndarray, grid: np.ndarray) -> tuple
             " is the frequency right, and does the clip play at the rate at which it was recorded?"
         )
     assert wave is not None
-    other = replace(wave, sign=-wave.sign).refined()
-    return wave, wave.sign if length > 2 and wave.gain > other.gain + _SURE else None
+    if length == 2:  # without a scene taken out, which leaves nothing to tell the ways apart
+        pairs = _Runs.of(_logarithms(light[: 2 * runs], over_mean=False).reshape(len(parts), runs, 2, -1), raw.phases, scene=False)
+        ways = [replace(wave, runs=pairs.whitened(_FALLING), taps=_FALLING, sign=sign) for sign in (1, -1)]
+        better, worse = sorted(ways, key=lambda one: one.gain, reverse=True)
+    else:
+        better, worse = wave, replace(wave, sign=-wave.sign).refined()
+    return wave, better.sign if better.gain > worse.gain + _SURE else None
 
 
 def _standing(light: np.ndarray, phases: np.ndarray, grid: np.ndarray) -> tuple[_Wave, int | None]:
@@ -380,7 +386,7 @@ def _standing(light: np.ndarray, phases: np.ndarray, grid: np.ndarray) -> tuple[
             return _many(adrift), None
     parts = _logarithms(light.mean(axis=0, keepdims=True), over_mean=False)
     raw = _Runs.of(parts[:, None], np.zeros((1, 1)), scene=False)
-    wave = _search(raw, grid[grid * light.shape[2] > 1], (1,), np.array([1.0, -1.0]))
+    wave = _search(raw, grid[grid * light.shape[2] > 1], (1,), _FALLING)
     if wave is None:
         raise CannotTellError("no bands stand out from the scene; film a plain wall, more closely lit, with a short exposure")
     if (alike := wave.alike()) < _ALIKE:

@@ -70,7 +70,7 @@ def test_wandering_bands_give_the_readout_whatever_the_scene(readout: float, her
 
 
 @pytest.mark.parametrize("direction", [Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP])
-@pytest.mark.parametrize("frames", [3, 16])
+@pytest.mark.parametrize("frames", [2, 3, 16])
 def test_the_way_in_which_bands_wander_tells_the_direction(direction: Direction, frames: int) -> None:
     assert found(*film(direction=direction, frames=frames)).direction is direction
 
