@@ -144,7 +144,7 @@ def combined(bands: Sequence[Bands]) -> Bands:
 
 def _rivals(flicker: float, readout: float, sign: int | None, begins: np.ndarray, longest: float) -> tuple[str, ...]:
     """Lights of half or double the frequency that would look the same, where there is reason to think of them."""
-    if flicker not in (100.0, 120.0) and sign != -1 and (sign == 1 or len(begins) == 1):
+    if flicker not in (100.0, 120.0) and len(begins) == 1:
         return ()
     advance = flicker * float(np.median(np.diff(begins))) if len(begins) > 1 else None
     told = []
