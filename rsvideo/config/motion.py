@@ -38,6 +38,11 @@ def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics, *, index: in
     return centred(_spline(t, poses, timing.interval, intrinsics, path), timing.middle)
 
 
+def poses(path: Path, intrinsics: Intrinsics, t: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"] | None:
+    """The poses at times of the clip; None of a sidecar, which tells each frame's motion alone."""
+    return None if path.suffix.lower() == ".json" else CubicSpline(*_from_csv(path, intrinsics, 0.0))(t)
+
+
 def _from_sidecar(path: Path, index: int) -> tuple[np.ndarray, np.ndarray]:
     frames = {frame.index: frame for frame in sidecar.read(path).frames}
     if index not in frames:

@@ -225,8 +225,8 @@ def _span(job: ClipJob, stream: Stream) -> tuple[int, int]:
     """Frames [first, last) that are shown within the span."""
     if job.span is None:
         return 0, stream.frames
-    seconds = (stream.times - stream.times[0]) * float(stream.time_base)
-    first, last = (int(np.searchsorted(seconds, t - 1e-6)) for t in job.span)
+    seconds, tick = (stream.times - stream.times[0]) * float(stream.time_base), 0.6 * float(stream.time_base)  # times are rounded to it
+    first, last = (int(np.searchsorted(seconds, t - tick)) for t in job.span)
     if first >= last:
         raise ValueError(
             f"range must hold at least one frame of the clip's {stream.duration_s:.3f} s, got {job.span[0]:g} s to {job.span[1]:g} s;"
@@ -283,7 +283,7 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
     pictures = list(_pictures(task, begin, end))
     moving = _movement(task, pictures, lambda index: observe(index, "motion", 0.0))
     mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
-    wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1)
+    wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
     name = f"{chunk.index:06}.zip"
     records: list[FrameRecord] = []
 
@@ -336,9 +336,13 @@ def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[in
     if task.job.method == "none" or task.settings.frames == "cold":
         return Movement(within=[None] * len(pictures), steps=np.zeros((len(pictures), axes)), tied=[False] * len(pictures))
     if task.job.trajectory is not None:
-        given = task.job.trajectory
-        ways: list[Trajectory | None] = [motion_file.read(given, task.timing, camera, index=p.index, begins=p.time) for p in pictures]
-        return Movement(within=ways, steps=np.zeros((len(ways), axes)), tied=[False] * len(ways))
+        given, timing = task.job.trajectory, task.timing
+        ways: list[Trajectory | None] = [motion_file.read(given, timing, camera, index=p.index, begins=p.time) for p in pictures]
+        middles = motion_file.poses(given, camera, np.array([p.time + timing.middle for p in pictures]))
+        if middles is None:
+            return Movement(within=ways, steps=np.zeros((len(ways), axes)), tied=[False] * len(ways))
+        steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))])
+        return Movement(within=ways, steps=steps, tied=[*[True] * (len(ways) - 1), False])
     return clip_motion.movement((_frame(task, p) for p in pictures), task.timing, camera, task.settings, observe)
 
 
@@ -369,9 +373,15 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     if task.job.path == "smooth":
         pictures = (_turned(task, p, turn, enlargement) for p, turn in zip(pictures, turns, strict=True))
     if task.job.side_by_side:
-        pictures = (_beside(before, after) for before, after in zip(_pictures(task), pictures, strict=True))
-        stream = replace(stream, cols=2 * stream.cols)
-    with Writer(task.job.output, stream, task.encoding, first=task.first, last=task.last) as writer:
+        even = stream.cols - stream.cols % 2  # so that chroma samples stay with their pixels
+        pictures = (_beside(before, after, even) for before, after in zip(_pictures(task), pictures, strict=True))
+        stream = replace(stream, cols=even + stream.cols)
+    last = task.last
+    if len(frames) < task.frames:  # damaged ones were left out
+        kept = [frame.index for frame in frames]
+        stream = replace(stream, times=np.concatenate([stream.times[: task.first], stream.times[kept], stream.times[last:]]))
+        last = task.first + len(kept)
+    with Writer(task.job.output, stream, task.encoding, first=task.first, last=last) as writer:
         for picture in pictures:
             writer.write(picture)
     files = {task.record: _record(task, frames).encode()}
@@ -395,8 +405,11 @@ def _turned(task: ClipTask, picture: Picture, turn: np.ndarray, enlargement: flo
     return colour.codes(steady.shown(pixels, turn, enlargement, task.camera.intrinsics), picture, task.stream.colour)
 
 
-def _beside(before: Picture, after: Picture) -> Picture:
-    return replace(after, planes=tuple(np.hstack(pair) for pair in zip(before.planes, after.planes, strict=True)))
+def _beside(before: Picture, after: Picture, cols: int) -> Picture:
+    """`cols` columns of the source, then the result."""
+    width = after.planes[0].shape[1]
+    left = [plane[:, : cols // round(width / plane.shape[1])] for plane in before.planes]
+    return replace(after, planes=tuple(np.hstack(pair) for pair in zip(left, after.planes, strict=True)))
 
 
 def _record(task: ClipTask, frames: list[FrameRecord]) -> sidecar.Sidecar:

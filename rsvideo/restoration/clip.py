@@ -324,13 +324,15 @@ def joined(
     """One path over all frames, from the motion within each and from each to the next: neighbours fade into each other."""
     at = np.vstack([np.zeros((1, steps.shape[1])), np.cumsum(steps[:-1], axis=0)])
     t = np.arange(begins[0], begins[-1] + timing.interval[1], SAMPLE)
-    middles = begins + timing.middle
-    weight = np.zeros((len(begins), len(t)))
-    for k in range(len(begins)):  # linear between the middles of neighbours
-        weight[k] = np.interp(t, middles, np.eye(len(begins))[k])
-    poses = np.zeros((len(t), steps.shape[1]))
+    ends = begins + timing.interval[1]
+    total, poses = np.zeros(len(t)), np.zeros((len(t), steps.shape[1]))
     for k, (times, path) in enumerate(within):
-        near = np.flatnonzero(weight[k])
+        # from where the frame before has ended, or this one begins, to where the next one begins, or this one ends; and across gaps
+        rise = sorted((ends[k - 1], begins[k])) if k else (t[0] - 1, t[0] - 0.5)
+        fall = sorted((ends[k], begins[k + 1])) if k + 1 < len(begins) else (t[-1] + 0.5, t[-1] + 1)
+        weight = np.interp(t, [rise[0], rise[1] + 1e-9, fall[0], fall[1] + 1e-9], [0, 1, 1, 0])
+        near = np.flatnonzero(weight)
+        total[near] += weight[near]
         for a in range(steps.shape[1]):
-            poses[near, a] += weight[k, near] * (at[k, a] + np.interp(t[near] - begins[k], times, path[:, a]))
-    return t, poses
+            poses[near, a] += weight[near] * (at[k, a] + np.interp(t[near] - begins[k], times, path[:, a]))
+    return t, poses / np.maximum(total, 1e-9)[:, None]

@@ -192,7 +192,7 @@ class Writer:
 
     def _open(self) -> None:
         stream, family = self._stream, _CONTAINERS[self._path.suffix.lower()][0]
-        options = {}
+        options = {"avoid_negative_ts": "disabled"}  # else sound that begins before the picture moves the picture
         if family != "matroska":
             options = {"movflags": "use_metadata_tags", "video_track_timescale": str(stream.time_base.denominator)}
         self._out: OutputContainer = av.open(str(self._part), "w", format=family, container_options=options)

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/crops.py PHOTO -o RESULTS --crop 500,480,520,200 -- --exposure 60ms --readout 33ms --focal-px 2090
 
-A crop is x,y,width,height in px; there may be several. RESULTS gets the restored picture and NAME_crops.png: before on the left, after on the right.
+A crop is x,y,width,height in px; there may be several. RESULTS gets the restored picture and NAME_crops.png: before, after.
 Steepness is the 99th percentile of the gradient, overshoot what the restored crop reaches beyond the codes of the blurred one.
 """
 
