@@ -22,11 +22,10 @@ def main() -> None:
     parser.add_argument("photo", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--crop", action="append", required=True)
-    parser.add_argument("options", nargs="*", help="of rsvideo deblur")
-    args = parser.parse_args()
+    args, options = parser.parse_known_args()  # the others are those of rsvideo deblur
     args.output.mkdir(parents=True, exist_ok=True)
     output = args.output / f"{args.photo.stem}.png"
-    words = ["rsvideo", "deblur", args.photo, "-o", output, "--overwrite", "--json", *args.options]
+    words = ["rsvideo", "deblur", args.photo, "-o", output, "--overwrite", "--json", *(word for word in options if word != "--")]
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=1800)
     if done.returncode:
         sys.exit(done.stderr)
