@@ -78,7 +78,8 @@ def main() -> None:
 
         errors = [
             path_error(
-                np.stack([r["trajectory"]["x_px"], r["trajectory"]["y_px"]], axis=1), pose(r["time_s"] + np.array(r["trajectory"]["t_s"]))
+                np.stack([r["trajectory"]["x_px"], r["trajectory"]["y_px"]], axis=1),
+                pose(r["time_s"] + np.array(r["trajectory"]["t_s"]))[:, :2],
             )
             for r in records
         ]
