@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -38,9 +39,13 @@ def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics, *, index: in
     return centred(_spline(t, poses, timing.interval, intrinsics, path), timing.middle)
 
 
-def poses(path: Path, intrinsics: Intrinsics, t: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"] | None:
-    """The poses at times of the clip; None of a sidecar, which tells each frame's motion alone."""
-    return None if path.suffix.lower() == ".json" else CubicSpline(*_from_csv(path, intrinsics, 0.0))(t)
+def steps(path: Path, intrinsics: Intrinsics, middles: Sequence[tuple[int, float]]) -> list[list[float] | None]:
+    """From the pose at each frame's middle, given as (index, seconds), to that of the next one; None at a cut, and of the last."""
+    if path.suffix.lower() == ".json":
+        frames = {frame.index: frame for frame in sidecar.read(path).frames}
+        return [frames[index].to_next if index in frames and k + 1 < len(middles) else None for k, (index, _) in enumerate(middles)]
+    at = CubicSpline(*_from_csv(path, intrinsics, 0.0))(np.array([t for _, t in middles]))
+    return [*np.diff(at, axis=0).tolist(), None]
 
 
 def _from_sidecar(path: Path, index: int) -> tuple[np.ndarray, np.ndarray]:

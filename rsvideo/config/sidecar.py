@@ -72,6 +72,8 @@ class FrameRecord(_Record):
     time_s: Finite
     timing: Timing
     trajectory: Sampled
+    to_next: Annotated[list[Finite], Field(min_length=3, max_length=3)] | None = None
+    """Of a clip: from the pose at this frame's middle to that at the next one's, x and y in px, roll in rad; None at a cut."""
     verdict: str
     seconds: Annotated[float, Field(ge=0)]
 
@@ -121,7 +123,8 @@ class Sidecar(_Record):
 
     def encode(self) -> bytes:
         """The JSON file."""
-        return (self.model_dump_json() + "\n").encode()
+        stills = all(frame.to_next is None for frame in self.frames)
+        return (self.model_dump_json(exclude={"frames": {"__all__": {"to_next"}}} if stills else None) + "\n").encode()
 
     def timing(self, frame: FrameRecord) -> ShutterTiming:
         """The shutter of one frame."""

@@ -140,7 +140,6 @@ class ChunkRecord(BaseModel):
     """A chunk that was restored: what became of its frames, and the file that holds them."""
 
     frames: list[FrameRecord]
-    steps: list[list[float]]  # from each frame's pose to the next one's: x and y in px, roll in rad
     file: str
     sha256: str
 
@@ -288,13 +287,13 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
     records: list[FrameRecord] = []
 
     def shown() -> Iterator[Picture]:
-        for picture, result in zip(wanted, _results(task, wanted, moving, observe), strict=True):
-            records.append(_frame_record(result))
+        for k, (picture, result) in enumerate(zip(wanted, _results(task, wanted, moving, observe), strict=True)):
+            records.append(_frame_record(result, moving.steps[k] if moving.tied[k] else None))
             restored = result.verdict is Verdict.RESTORED
             yield colour.codes(result.latent, picture, task.stream.colour) if restored else picture
 
     sha256 = planes.write(folder / name, shown())
-    return ChunkRecord(frames=records, steps=[[*s, 0.0][:3] for s in moving.steps.tolist()], file=name, sha256=sha256)
+    return ChunkRecord(frames=records, file=name, sha256=sha256)
 
 
 def _results(
@@ -338,15 +337,13 @@ def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[in
     if task.job.trajectory is not None:
         given, timing = task.job.trajectory, task.timing
         ways: list[Trajectory | None] = [motion_file.read(given, timing, camera, index=p.index, begins=p.time) for p in pictures]
-        middles = motion_file.poses(given, camera, np.array([p.time + timing.middle for p in pictures]))
-        if middles is None:
-            return Movement(within=ways, steps=np.zeros((len(ways), axes)), tied=[False] * len(ways))
-        steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))])
-        return Movement(within=ways, steps=steps, tied=[*[True] * (len(ways) - 1), False])
+        steps = motion_file.steps(given, camera, [(p.index, p.time + timing.middle) for p in pictures])
+        tied = [step is not None for step in steps]
+        return Movement(within=ways, steps=np.array([[0.0] * axes if step is None else step for step in steps]), tied=tied)
     return clip_motion.movement((_frame(task, p) for p in pictures), task.timing, camera, task.settings, observe)
 
 
-def _frame_record(result: FrameResult) -> FrameRecord:
+def _frame_record(result: FrameResult, step: np.ndarray | None) -> FrameRecord:
     way = result.trajectory
     t = sidecar.Sampled.times(way.t0, way.t1)
     return FrameRecord(
@@ -354,6 +351,7 @@ def _frame_record(result: FrameResult) -> FrameRecord:
         time_s=result.frame.time,
         timing=sidecar.Timing(exposure_s=result.timing.exposure, row_time_s=result.timing.row_time, source=result.timing_source),
         trajectory=sidecar.Sampled.of(t, way.at(t)),
+        to_next=None if step is None else [*step.tolist(), 0.0][:3],
         verdict=result.verdict,
         seconds=result.seconds,
     )
@@ -365,7 +363,7 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     stream, camera = task.stream, task.camera.intrinsics
     turns, enlargement = np.zeros((len(frames), 3)), 1.0
     if task.job.path == "smooth":
-        steps = np.array([step for record in records for step in record.steps])
+        steps = np.array([frame.to_next or [0.0] * 3 for frame in frames])
         turns, enlargement = steady.corrections(steps, float(stream.rate), camera)
     pictures = chain.from_iterable(
         planes.read(folder / record.file, stream, [frame.index for frame in record.frames]) for record in records
@@ -444,7 +442,7 @@ def _log(task: ClipTask, records: list[ChunkRecord]) -> bytes | None:
     frames = [frame for record in records for frame in record.frames]
     if len(frames) < 2:
         return None
-    steps = np.array([step for record in records for step in record.steps])
+    steps = np.array([frame.to_next or [0.0] * 3 for frame in frames])
     t, poses = clip_motion.joined(
         np.array([f.time_s for f in frames]),
         [(np.array(f.trajectory.t_s), f.trajectory.poses()) for f in frames],

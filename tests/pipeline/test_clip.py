@@ -200,11 +200,12 @@ def test_a_chunk_restored_twice_and_in_any_order_has_the_same_bytes(moving: tupl
     for a, b in zip(one, other, strict=True):
         assert a.sha256 == b.sha256
         assert (folders[0] / a.file).read_bytes() == (folders[1] / b.file).read_bytes()
-        assert a.steps == b.steps
+        assert [frame.to_next for frame in a.frames] == [frame.to_next for frame in b.frames]
         assert [f.trajectory for f in a.frames] == [f.trajectory for f in b.frames]
     assert ChunkRecord.model_validate_json(one[0].model_dump_json()) == one[0]
-    assert np.abs(np.array(one[0].steps)[:-1]).max() > 1
-    np.testing.assert_array_equal(np.array(one[0].steps)[-1], 0)  # nothing leads over a cut
+    steps = [frame.to_next for frame in one[0].frames]
+    assert max(max(map(abs, step[:2])) for step in steps[:-1] if step) > 1
+    assert steps[-1] is None  # nothing leads over a cut
 
 
 def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, Path], tmp_path: Path) -> None:

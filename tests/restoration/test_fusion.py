@@ -54,7 +54,7 @@ def long():
 def test_a_sharper_neighbour_that_looks_elsewhere_gives_detail_back(long):
     near = taken(SHORT, skimage.data.astronaut()[20:180, 60:310], pose=AWAY)
     frame, own = alone(long, LONG)
-    other = Seen(latent=alone(near, SHORT)[1], pose=AWAY + [0.3, 0.2, 5e-4], length=1.5)  # nearly
+    other = Seen(latent=alone(near, SHORT)[1], pose=AWAY + np.array([0.3, 0.2, 5e-4]), length=1.5)  # nearly
     both = fused(frame, Seen(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA, 0.004)
     assert psnr(both, long.truth) > psnr(own, long.truth) + 2
 
