@@ -56,15 +56,8 @@ def main() -> None:
         output = args.output / f"{case.name}.mp4"
         words = ["rsvideo", "deblur", case / "clip.mp4", "-o", output, "--exposure", facts["exposure_s"], "--readout", facts["readout_s"]]
         words += ["--focal-px", facts["focal_px"], "--overwrite", "--json"]
-        words += (
-            ["--trajectory", case / "motion.csv"]
-            if args.known
-            else ["--frames", "alone"]
-            if args.alone
-            else ["--frames", "cold"]
-            if args.cold
-            else []
-        )
+        words += ["--trajectory", case / "motion.csv", "--frames", "alone"] if args.known else []
+        words += ["--frames", "alone"] if args.alone else ["--frames", "cold"] if args.cold else []
         done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=7200)
         if done.returncode:
             sys.exit(f"{case.name}: {done.stderr}")
