@@ -6,7 +6,6 @@ who restores which chunk.
 
 import hashlib
 import json
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
@@ -27,7 +26,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Trajectory, still
-from rsvideo.pipeline import known
+from rsvideo.pipeline import known, output
 from rsvideo.restoration import clip as clip_motion
 from rsvideo.restoration import steady, timing
 from rsvideo.restoration.blind import Settings
@@ -179,7 +178,7 @@ def prepare(job: ClipJob) -> ClipTask:
             force=job.force,
         )
     resolved = timing.resolve(asked, clip.shutter)
-    camera, more = _camera(job, clip)
+    camera = _camera(job, clip)
     encoding = Encoding(**job.encoding)
     _, _, told = chosen(job.output, stream, encoding)
     return ClipTask(
@@ -191,23 +190,14 @@ def prepare(job: ClipJob) -> ClipTask:
         encoding=encoding,
         first=first,
         last=last,
-        notes=(*notes, *resolved.notes, *more, *told),
+        notes=(*notes, *resolved.notes, *told),
     )
 
 
 def _check_output(job: ClipJob) -> None:
-    folder = job.output.parent
-    if not folder.is_dir():
-        raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")
-    if job.output.resolve() == job.source.resolve():
-        raise ValueError(f"OUTPUT must not be INPUT, both are {job.output}; the original is never replaced")
-    try:
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError as error:
-        raise ValueError(f"the folder {folder} of OUTPUT must be writable: {error.strerror}; is it yours?") from error
-    for path in (job.output, job.output.with_suffix(".rsvideo.json"), job.output.with_suffix(".gcsv")):
-        if path.exists() and not job.overwrite:
-            raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
+    output.check(
+        job.source, (job.output, job.output.with_suffix(".rsvideo.json"), job.output.with_suffix(".gcsv")), overwrite=job.overwrite
+    )
 
 
 def _rate(words: str) -> Fraction:
@@ -234,7 +224,7 @@ def _span(job: ClipJob, stream: Stream) -> tuple[int, int]:
     return first, last
 
 
-def _camera(job: ClipJob, clip: known.KnownClip) -> tuple[sidecar.Camera, tuple[str, ...]]:
+def _camera(job: ClipJob, clip: known.KnownClip) -> sidecar.Camera:
     rows, cols = clip.stream.rows, clip.stream.cols
     if job.focal_px is not None:
         focal, source = job.focal_px, "explicit"
@@ -247,7 +237,7 @@ def _camera(job: ClipJob, clip: known.KnownClip) -> tuple[sidecar.Camera, tuple[
             f"focal-px must be given, {job.source} does not say its focal length; it is about 0.7 to 0.9 times the longer side"
             " for most phones, focal length / sensor's width * columns for cameras; --motion shift does without"
         )
-    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source), ()
+    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source)
 
 
 def _picture_bytes(stream: Stream) -> int:
@@ -288,7 +278,7 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
 
     def shown() -> Iterator[Picture]:
         for k, (picture, result) in enumerate(zip(wanted, _results(task, wanted, moving, observe), strict=True)):
-            records.append(_frame_record(result, moving.steps[k] if moving.tied[k] else None))
+            records.append(output.frame_record(result, moving.steps[k] if moving.tied[k] else None))
             restored = result.verdict is Verdict.RESTORED
             yield colour.codes(result.latent, picture, task.stream.colour) if restored else picture
 
@@ -343,20 +333,6 @@ def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[in
     return clip_motion.movement((_frame(task, p) for p in pictures), task.timing, camera, task.settings, observe)
 
 
-def _frame_record(result: FrameResult, step: np.ndarray | None) -> FrameRecord:
-    way = result.trajectory
-    t = sidecar.Sampled.times(way.t0, way.t1)
-    return FrameRecord(
-        index=result.frame.index,
-        time_s=result.frame.time,
-        timing=sidecar.Timing(exposure_s=result.timing.exposure, row_time_s=result.timing.row_time, source=result.timing_source),
-        trajectory=sidecar.Sampled.of(t, way.at(t)),
-        to_next=None if step is None else [*step.tolist(), 0.0][:3],
-        verdict=result.verdict,
-        seconds=result.seconds,
-    )
-
-
 def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     """Encode the restored frames as the original was; then the sidecar and the gyroscope's log."""
     frames = [frame for record in records for frame in record.frames]
@@ -384,7 +360,7 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
             writer.write(picture)
     files = {task.record: _record(task, frames).encode()}
     notes = writer.notes
-    if task.job.method != "none" and (log := _log(task, records)):
+    if task.job.method != "none" and (log := _log(task, frames)):
         files[task.gyro] = log
     write_whole(files)
     if task.job.path == "smooth":
@@ -437,9 +413,8 @@ def _sha256(stream: Stream) -> str:
     return digest.hexdigest()
 
 
-def _log(task: ClipTask, records: list[ChunkRecord]) -> bytes | None:
+def _log(task: ClipTask, frames: list[FrameRecord]) -> bytes | None:
     """The motion over the whole clip as a gyroscope would have recorded it; None of less than two frames."""
-    frames = [frame for record in records for frame in record.frames]
     if len(frames) < 2:
         return None
     steps = np.array([frame.to_next or [0.0] * 3 for frame in frames])

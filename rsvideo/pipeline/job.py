@@ -1,6 +1,5 @@
 """What is asked of one photograph, and every question that leaves open, answered before the work."""
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from rsvideo.config.quantity import LONGEST, hand_held
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
+from rsvideo.pipeline import output
 from rsvideo.video import still
 from rsvideo.video.still import Format, Still
 
@@ -80,20 +80,9 @@ def prepare(job: Job) -> Task:
 
 def _check_output(job: Job) -> None:
     Format.of_output(job.output)
-    folder = job.output.parent
-    if not folder.is_dir():
-        raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")
-    if job.output.resolve() == job.source.resolve():
-        raise ValueError(f"OUTPUT must not be INPUT, both are {job.output}; the original is never replaced")
     if job.output.is_dir():
         raise ValueError(f"OUTPUT must be a file, {job.output} is a folder")
-    try:
-        tempfile.TemporaryFile(dir=folder).close()
-    except OSError as error:
-        raise ValueError(f"the folder {folder} of OUTPUT must be writable: {error.strerror}; is it yours?") from error
-    for path in (job.output, job.record):
-        if path.exists() and not job.overwrite:
-            raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
+    output.check(job.source, (job.output, job.record), overwrite=job.overwrite)
 
 
 def _timing(job: Job, photograph: Still) -> tuple[ShutterTiming, str]:

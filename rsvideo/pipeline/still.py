@@ -11,6 +11,7 @@ import numpy as np
 from rsvideo.config import sidecar
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.pipeline import output
 from rsvideo.pipeline.job import Task
 from rsvideo.restoration.blind import Iterate, Settings, restore
 from rsvideo.video import still
@@ -49,7 +50,6 @@ def carry_out(task: Task, settings: Settings, trajectory: Trajectory | None, obs
 
 
 def _record(task: Task, settings: Settings, result: FrameResult) -> sidecar.Sidecar:
-    t = sidecar.Sampled.times(result.trajectory.t0, result.trajectory.t1)
     return sidecar.Sidecar(
         input=str(task.job.source),
         settings=sidecar.Settings(
@@ -60,14 +60,5 @@ def _record(task: Task, settings: Settings, result: FrameResult) -> sidecar.Side
             trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
             restoration=json.loads(json.dumps(asdict(settings))),
         ),
-        frames=[
-            sidecar.FrameRecord(
-                index=result.frame.index,
-                time_s=result.frame.time,
-                timing=sidecar.Timing(exposure_s=result.timing.exposure, row_time_s=result.timing.row_time, source=result.timing_source),
-                trajectory=sidecar.Sampled.of(t, result.trajectory.at(t)),
-                verdict=result.verdict,
-                seconds=result.seconds,
-            )
-        ],
+        frames=[output.frame_record(result)],
     )

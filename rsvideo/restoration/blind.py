@@ -88,13 +88,12 @@ def restore(
     direction = timing.direction
     view = along_scanlines(frame, timing, intrinsics)
     turn = direction.pose_from_scanlines
-    scene = _scene(view, settings)
     verdict = Verdict.RESTORED
     path: Trajectory | None = None
     if trajectory is not None:
         axes = trajectory.coefficients.shape[1]
         path = trajectory.with_coefficients(trajectory.coefficients @ turn[:axes, :axes])
-    elif scene.gradient_power < max(1e-7, 8 * scene.noise**2):
+    elif (scene := _scene(view, settings)).gradient_power < max(1e-7, 8 * scene.noise**2):
         verdict = Verdict.NO_TEXTURE
     else:
         for iterate in estimate(scene, settings):

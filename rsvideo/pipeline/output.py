@@ -1,0 +1,42 @@
+"""What photographs and clips share on their way out: where they may be written, and the record of a frame."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rsvideo.config import sidecar
+from rsvideo.frame import FrameResult
+
+
+def check(source: Path, files: Sequence[Path], *, overwrite: bool) -> None:
+    """Refuse what cannot be written, OUTPUT first among `files`, with ValueError or FileExistsError."""
+    output = files[0]
+    folder = output.parent
+    if not folder.is_dir():
+        raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")
+    if output.resolve() == source.resolve():
+        raise ValueError(f"OUTPUT must not be INPUT, both are {output}; the original is never replaced")
+    try:
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise ValueError(f"the folder {folder} of OUTPUT must be writable: {error.strerror}; is it yours?") from error
+    for path in files:
+        if path.exists() and not overwrite:
+            raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
+
+
+def frame_record(result: FrameResult, to_next: np.ndarray | None = None) -> sidecar.FrameRecord:
+    """What became of a frame; `to_next` leads from its pose to the next frame's."""
+    way = result.trajectory
+    t = sidecar.Sampled.times(way.t0, way.t1)
+    return sidecar.FrameRecord(
+        index=result.frame.index,
+        time_s=result.frame.time,
+        timing=sidecar.Timing(exposure_s=result.timing.exposure, row_time_s=result.timing.row_time, source=result.timing_source),
+        trajectory=sidecar.Sampled.of(t, way.at(t)),
+        to_next=None if to_next is None else [*to_next.tolist(), 0.0][:3],
+        verdict=result.verdict,
+        seconds=result.seconds,
+    )
