@@ -42,3 +42,4 @@ class FrameResult:
     latent: Float[np.ndarray, "rows cols channels"]  # linear light; the frame's own pixels where it was left as it was
     verdict: Verdict
     seconds: float
+    psfs: Float[np.ndarray, "down across k k"] | None = None  # over a grid of the frame, where no trajectory tells them
