@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
@@ -91,7 +91,7 @@ def follow(
     steps = np.arange(start, end - timing.interval[1] + 1e-9, timing.interval[1] / 2)
     projections = [windows(path, t, timing)[1:] for t in steps]
     unit = np.array([1, 1, 1 / intrinsics.fx])[:axes]
-    precision, reaches = np.eye(terms * axes), np.full(len(steps), 4.0)
+    precision, reaches = np.eye(terms * axes), np.full(len(steps), 8.0 * timing.exposure / timing.interval[1])
     for _ in range(ROUNDS):
         precision = np.diag(np.tile(1e-6 / unit**2, terms))  # where the path begins is free
         right = np.zeros(terms * axes)
@@ -109,9 +109,11 @@ def follow(
 
 
 def _reach(path: Spline, begins: float, timing: ShutterTiming) -> float:
-    """The length in px of the path within one exposure, at the middle of a frame; at least 2."""
-    t = begins + timing.middle + timing.exposure * np.linspace(-0.5, 0.5, 9)
-    return max(2.0, float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum()))
+    """The length in px of the path within one exposure, from its mean speed about a frame's middle; not less than 4 px a frame."""
+    window = max(timing.exposure, timing.interval[1] / 2)  # the speed of a short exposure alone is noise
+    t = begins + timing.middle + window * np.linspace(-0.5, 0.5, 9)
+    travelled = float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum())
+    return timing.exposure * max(travelled / window, 4.0 / timing.interval[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,10 +193,39 @@ class Movement:
         return Movement(within=self.within[first:last], steps=self.steps[first:last], tied=self.tied[first:last])
 
 
-def movement(
-    frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings, observe: Callable[[int], None]
-) -> Movement:
-    """The motion of successive frames of one camera; `observe` is told of each frame taken in. Frames are not kept."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """Successive frames of one camera as estimation sees them, along their scanlines."""
+
+    begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens
+    scenes: list[Scene]  # narrowed to the columns that serve; none where blur is not asked for
+    links: list[Tracks]  # between neighbours
+    timing: ShutterTiming
+    intrinsics: Intrinsics
+    axes: int
+
+    @property
+    def tied(self) -> list[bool]:
+        """Whether the next frame's points were followed."""
+        return [*(len(t.before) > 0 for t in self.links), False]
+
+    @property
+    def known(self) -> Bool[np.ndarray, " frames"]:
+        """Whether points of a frame were followed at all, from the one before or to the next."""
+        tied = self.tied
+        return np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(tied))], bool)
+
+
+def seen(
+    frames: Iterable[Frame],
+    timing: ShutterTiming,
+    intrinsics: Intrinsics,
+    settings: Settings,
+    observe: Callable[[int], None],
+    *,
+    blur: bool = True,
+) -> Run:
+    """Take frames in; `observe` is told of each. They are not kept, nor, without `blur`, what their blur is measured from."""
     begins: list[float] = []
     scenes: list[Scene] = []
     links: list[Tracks] = []
@@ -206,24 +237,55 @@ def movement(
             links.append(track(before, after))
         before = after
         begins.append(frame.time)
-        scenes.append(windowed(scene, COLS))
+        if blur:
+            scenes.append(windowed(scene, COLS))
         observe(frame.index)
-    upright = replace(timing, direction=Direction.TOP_TO_BOTTOM)
     axes = 3 if settings.motion == "rotation" else 2
+    return Run(begins=np.array(begins), scenes=scenes, links=links, timing=timing, intrinsics=intrinsics, axes=axes)
+
+
+def tracked(run: Run) -> Path:
+    """The path that the points between the frames show, along the scanlines."""
+    return follow(run.links, run.begins, _upright(run.timing), intrinsics_along(run.intrinsics, run.timing), run.axes)
+
+
+def sharpened(run: Run, path: Path, known: Bool[np.ndarray, " frames"]) -> Path:
+    """The path refined by the blur of those known frames that are blurred."""
+    upright = _upright(run.timing)
+    blurred = [k for k in np.flatnonzero(known) if _reach(path.spline, run.begins[k], upright) > BLURRED]
+    return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=STEPS) if blurred else path
+
+
+def told(
+    path: Spline, begins: Float[np.ndarray, " frames"], timing: ShutterTiming, known: Bool[np.ndarray, " frames"], tied: list[bool]
+) -> Movement:
+    """A path along the scanlines as the motion of frames, in image axes."""
+    upright, axes = _upright(timing), path.coefficients.shape[1]
     turn = timing.direction.pose_from_scanlines[:axes, :axes]
-    tied = [*(len(t.before) > 0 for t in links), False]
-    known = np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(scenes))], bool)
-    if not known.any():
-        return Movement(within=[None] * len(scenes), steps=np.zeros((len(scenes), axes)), tied=tied)
-    full = intrinsics_along(intrinsics, timing)
-    path = follow(links, np.array(begins), upright, full, axes)
-    blurred = [k for k in np.flatnonzero(known) if _reach(path.spline, begins[k], upright) > BLURRED]
-    if blurred:
-        path = refine([scenes[k] for k in blurred], [begins[k] for k in blurred], path, steps=STEPS)
-    inside = [within(path.spline, t, upright) if k else None for t, k in zip(begins, known, strict=True)]
-    middles = path.spline.at(np.array(begins) + timing.middle) @ turn.T
+    inside = [within(path, float(t), upright) if k else None for t, k in zip(begins, known, strict=True)]
+    middles = path.at(begins + timing.middle) @ turn.T
     steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array(tied)[:, None]
     return Movement(within=[p and p.with_coefficients(p.coefficients @ turn.T) for p in inside], steps=steps, tied=tied)
+
+
+def unknown(frames: int, axes: int) -> Movement:
+    """That of frames of which none could be followed."""
+    return Movement(within=[None] * frames, steps=np.zeros((frames, axes)), tied=[False] * frames)
+
+
+def movement(
+    frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings, observe: Callable[[int], None]
+) -> Movement:
+    """The motion of successive frames of one camera; `observe` is told of each frame taken in. Frames are not kept."""
+    run = seen(frames, timing, intrinsics, settings, observe)
+    if not run.known.any():
+        return unknown(len(run.begins), run.axes)
+    path = sharpened(run, tracked(run), run.known)
+    return told(path.spline, run.begins, timing, run.known, run.tied)
+
+
+def _upright(timing: ShutterTiming) -> ShutterTiming:
+    return replace(timing, direction=Direction.TOP_TO_BOTTOM)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

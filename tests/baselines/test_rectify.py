@@ -1,0 +1,111 @@
+"""A frame read row by row becomes the one that a global shutter had taken, whichever way its rows were read."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rsvideo.baselines.rectify import after, movement, rectified, restored
+from rsvideo.frame import Frame, Verdict
+from rsvideo.physics.shutter import Direction
+from rsvideo.physics.trajectory import Polynomial
+from rsvideo.restoration.blind import Settings
+from rsvideo.restoration.tracks import codes, track
+from tests.pipeline.moving import Moving
+
+STILL = Polynomial(t0=0.0, t1=0.02, coefficients=np.zeros((2, 3)))
+
+
+def sharp(frames: int, direction: Direction = Direction.TOP_TO_BOTTOM, reach: float = 10.0) -> Moving:
+    """A clip of short exposures, whose rows are read over most of a frame's time."""
+    return Moving(frames=frames, direction=direction, reach=reach, exposure=0.5e-3, readout=0.03)
+
+
+def astray(pixels: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """How far, in px, points of the truth lie from where they should be."""
+    pair = track(codes(truth[..., 0]), codes(pixels[..., 0]))
+    assert len(pair.before) >= 24
+    return np.linalg.norm(pair.after - pair.before, axis=1)
+
+
+@pytest.mark.parametrize("direction", list(Direction))
+def test_the_true_path_brings_every_row_home(direction: Direction) -> None:
+    moving = sharp(1, direction)
+    frame, truth = moving.recorded[0], moving.renderings[0].truth
+    found = rectified(frame, moving.way(0), moving.timing, moving.camera)
+    assert np.sqrt((astray(frame.pixels, truth) ** 2).mean()) > 1.5
+    assert np.median(astray(found.pixels, truth)) < 0.1
+    assert np.sqrt((astray(found.pixels, truth) ** 2).mean()) < 0.15
+    inner = np.s_[12:-12, 16:-16]
+    assert np.sqrt(((found.pixels - truth)[inner] ** 2).mean()) < 0.15 * np.sqrt(((frame.pixels - truth)[inner] ** 2).mean())
+
+
+def test_a_global_shutter_is_left_bit_for_bit() -> None:
+    moving = Moving(frames=1)
+    frame, timing = moving.recorded[0], after(moving.timing)
+    assert timing.interval == (0.0, moving.timing.exposure)
+    found = rectified(frame, moving.way(0), timing, moving.camera)
+    np.testing.assert_array_equal(found.pixels, frame.pixels)
+    result = restored(frame, moving.way(0), timing, moving.camera)
+    assert result.verdict is Verdict.SHARP
+    np.testing.assert_array_equal(result.latent, frame.pixels)
+
+
+def test_a_frame_that_stands_still_or_is_not_known_to_move_is_left_as_it_was() -> None:
+    moving = sharp(1)
+    frame = moving.recorded[0]
+    for way, verdict in ((STILL, Verdict.SHARP), (None, Verdict.NO_TEXTURE)):
+        result = restored(frame, way, moving.timing, moving.camera, timing_source="EXIF")
+        assert (result.verdict, result.timing_source) == (verdict, "EXIF")
+        np.testing.assert_array_equal(result.latent, frame.pixels)
+        assert not result.trajectory.at(np.array([0.01])).any()
+
+
+def test_light_stays_between_black_and_white_and_what_is_clipped_moves_along() -> None:
+    moving = sharp(1)
+    edge = np.zeros((96, 160, 1), np.float32)
+    edge[:, 80:] = 1
+    frame = Frame(pixels=edge, clipped=edge > 0)
+    timing = moving.timing
+    drift = Polynomial(t0=0.0, t1=timing.interval[1], coefficients=np.array([[0.0, 0.0], [10.0, 0.0]]))  # to the right, all the while
+    found = rectified(frame, drift, timing, moving.camera)
+    assert found.pixels.min() >= 0
+    assert found.pixels.max() <= 1
+    middle, top = found.pixels[48, :, 0], found.pixels[4, :, 0]
+    assert abs(np.flatnonzero(middle > 0.5)[0] - 80) <= 1
+    shift = float(drift.at(np.array([4 * timing.row_time]))[0, 0])  # -16: this row looked 16 px to the left, and saw the edge there later
+    assert np.flatnonzero(top > 0.5)[0] == pytest.approx(80 + shift, abs=1)
+    assert found.clipped[4, 150 + round(shift) :, 0].all()
+    assert not found.clipped[48, 4:78].any()
+    assert found.clipped[-4, :12].all()  # beyond the frame, where nothing was seen
+    np.testing.assert_array_equal(found.pixels[4, -4:], 1)  # though the border is repeated there
+
+
+def test_colours_are_moved_alike() -> None:
+    moving = sharp(1)
+    frame = moving.recorded[0]
+    colour = replace(frame, pixels=np.repeat(frame.pixels, 3, axis=2), clipped=np.repeat(frame.clipped, 3, axis=2))
+    grey, found = (rectified(f, moving.way(0), moving.timing, moving.camera) for f in (frame, colour))
+    np.testing.assert_allclose(found.pixels, np.repeat(grey.pixels, 3, axis=2), atol=1e-6)
+    assert found.clipped.shape == colour.pixels.shape
+
+
+@pytest.mark.parametrize("direction", [Direction.TOP_TO_BOTTOM, Direction.RIGHT_TO_LEFT])
+def test_what_tracks_show_takes_more_than_two_thirds_of_the_wobble_away(direction: Direction) -> None:
+    moving = sharp(6, direction)
+    found = movement(moving.recorded, moving.timing, moving.camera, Settings(), lambda _: None)
+    before, now = [], []
+    for k in range(1, 5):
+        result = restored(moving.recorded[k], found.within[k], moving.timing, moving.camera)
+        assert result.verdict is Verdict.RESTORED
+        for pixels, into in ((moving.recorded[k].pixels, before), (result.latent, now)):
+            into.append((astray(pixels, moving.renderings[k].truth) ** 2).mean())
+    assert np.mean(before) > 1
+    assert np.sqrt(np.mean(now)) < np.sqrt(np.mean(before)) / 3
+
+
+def test_frames_without_a_neighbour_have_no_way() -> None:
+    moving = sharp(1)
+    assert movement(moving.recorded, moving.timing, moving.camera, Settings(), lambda _: None).within == [None]
+    flat = [Frame(pixels=np.full((96, 160, 1), 0.5, np.float32), clipped=np.zeros((96, 160, 1), bool), time=k / 24) for k in range(2)]
+    assert movement(flat, moving.timing, moving.camera, Settings(), lambda _: None).within == [None, None]
