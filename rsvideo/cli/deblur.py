@@ -38,7 +38,9 @@ def deblur(
     ] = None,
     shutter_angle: Annotated[float | None, Option(metavar="DEGREES", help="Of a clip, instead of --exposure.")] = None,
     scanlines_total: Annotated[int | None, Option(metavar="N", help="Of a clip: visible and blanking lines, instead of --readout.")] = None,
-    camera: Annotated[str | None, Option(metavar="NAME", help="Of a clip: a profile, its file, or a camera of the public table.")] = None,
+    camera: Annotated[
+        str | None, Option(metavar="NAME", help="A profile by name or file; of a clip, also a camera of the public table.")
+    ] = None,
     method: Annotated[Literal["rsvideo", "none"], Option(help="Of a clip: none decodes and encodes only.")] = "rsvideo",
     frames: Annotated[
         Literal["together", "alone", "cold"] | None,
@@ -80,7 +82,6 @@ def deblur(
     clips_only = {
         "--shutter-angle": shutter_angle,
         "--scanlines-total": scanlines_total,
-        "--camera": camera,
         "--range": part,
         "--rate": rate,
         "--frames": frames,
@@ -103,6 +104,8 @@ def deblur(
             "row_time": None if row_time is None else seconds("row-time", row_time),
             "focal_px": None if focal_px is None else pixels("focal-px", focal_px),
             "trajectory": trajectory,
+            "camera": camera,
+            "direction": None if direction is None else Direction(direction),
             "steering": {name: value for name, value in steering.items() if value is not None},
             "overwrite": overwrite,
         }
@@ -112,11 +115,9 @@ def deblur(
 
             job = ClipJob(
                 **asked,
-                direction=None if direction is None else Direction(direction),
                 transfer=transfer,
                 shutter_angle=shutter_angle,
                 scanlines_total=scanlines_total,
-                camera=camera,
                 method=method,
                 encoding={name: value for name, value in encoding.items() if value is not None},
                 path=path,
@@ -134,9 +135,7 @@ def deblur(
         from rsvideo.cli import photograph
         from rsvideo.pipeline.job import Job
 
-        photograph.deblur(
-            Job(**asked, direction=Direction(direction or "top-to-bottom"), transfer=Transfer(transfer) if transfer else None), json=json
-        )
+        photograph.deblur(Job(**asked, transfer=Transfer(transfer) if transfer else None), json=json)
     except UnreadableError:
         raise
     except ValueError as error:

@@ -12,7 +12,7 @@ from rsvideo.config.said import Said
 from rsvideo.config.yaml import ConfigError
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction
-from rsvideo.physics.tone import Transfer
+from rsvideo.physics.tone import Curve, Tone
 
 FORMS = {"rsvideo": ours, "gyroflow": gyroflow, "kalibr": kalibr, "opencv": opencv, "ros": ros}
 _SAME_RATE = 0.002  # 30 and 29.97 are one mode
@@ -28,7 +28,8 @@ class Facts:
     distortion: Distortion | None
     readout: Said[float] | None  # seconds
     direction: Said[Direction] | None
-    transfer: Transfer | None
+    tone: Tone | None  # a standard's curve, or the one that was measured
+    clip: float | None  # the code in [0, 1] from which on highlights are lost
     noise: Noise | None
 
 
@@ -91,8 +92,6 @@ def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) ->
     if profile.timing and mode.fps and fps and abs(fps / mode.fps - 1) > _SAME_RATE:
         raise ConfigError(f"{slip}; a readout time belongs to one rate, so this mode needs its own profile, or --readout")
     notes = () if scale == 1 else (f"{slip}: taken to show the same part of the sensor, scaled by {scale:.4g}",)
-    if profile.tone and profile.tone.curve and not profile.tone.transfer:
-        notes += (f"{name} holds a tone curve of its own, which is not applied: codes are taken for what the clip's tags say",)
     lens, clock = profile.intrinsics, profile.timing
     return Facts(
         profile=name,
@@ -100,7 +99,8 @@ def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) ->
         distortion=lens.distortion if lens else None,
         readout=_sourced(clock).said(name) if clock else None,
         direction=Said(value=clock.direction, source=name) if clock else None,
-        transfer=profile.tone.transfer if profile.tone else None,
+        tone=response(profile)[0],
+        clip=response(profile)[1],
         noise=profile.noise,
     ), notes
 
@@ -109,6 +109,14 @@ def _sourced(clock: Clock) -> Measured:
     """The readout with the source that it shares with its part."""
     whence = clock.readout_s.source or (clock.found.source if clock.found else None)
     return clock.readout_s.model_copy(update={"source": whence})
+
+
+def response(profile: CameraProfile) -> tuple[Tone | None, float | None]:
+    """How codes stand for light, by a standard's curve or the one that was measured; and the code from which on highlights are lost."""
+    if profile.tone is None:
+        return None, None
+    measured = Curve(light=tuple(profile.tone.curve)) if profile.tone.curve else None
+    return profile.tone.transfer or measured, profile.tone.clip.value if profile.tone.clip else None
 
 
 def _words(rows: int, cols: int, fps: float | None) -> str:

@@ -11,7 +11,6 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, m
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.tone import Transfer
 
 MOST_BYTES = 100_000_000
 _STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
@@ -106,7 +105,7 @@ class Settings(_Record):
     rsvideo: str  # the program's version
     camera: Camera
     direction: Direction
-    transfer: Transfer
+    transfer: Annotated[str, Field(max_length=100)]  # the curve's name
     trajectory_from: str | None  # the file, where the motion was given
     restoration: dict[str, JsonValue]  # the core's own settings, under their names
     input_sha256: str | None = None

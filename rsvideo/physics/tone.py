@@ -8,6 +8,7 @@ whole codes, code / (2^bits - 1), also where the stream's range is limited.
 import enum
 import math
 from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float32
@@ -34,6 +35,29 @@ class Transfer(enum.StrEnum):
         """Whether this is a camera's log curve, defined on whole codes."""
         return self in _LOGS or self in _CANON_LOGS
 
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """A tone curve that was measured: light at codes evenly spaced from 0 to 1, rising to 1; straight on beyond its ends."""
+
+    light: tuple[float, ...]
+    value: ClassVar[Literal["measured"]] = "measured"
+    logarithmic: ClassVar[bool] = False
+
+    def at(self, code: np.ndarray) -> np.ndarray:
+        """Light of codes."""
+        step = 1 / (len(self.light) - 1)
+        beyond = np.maximum(code - 1, 0) * (self.light[-1] - self.light[-2]) / step  # limited range has codes above nominal white
+        return np.interp(code, np.linspace(0, 1, len(self.light)), self.light) + beyond
+
+    def code(self, light: np.ndarray) -> np.ndarray:
+        """Codes of light; of several codes of one light, the highest: that of black."""
+        curve = np.array(self.light)
+        rising = np.append(np.diff(curve) > 0, True)
+        return np.interp(light, curve[rising], np.linspace(0, 1, len(curve))[rising])
+
+
+Tone = Transfer | Curve
 
 _SRGB_KNEE = 0.0031308  # linear light
 _BT709_ALPHA, _BT709_BETA = 1.09929682680944, 0.018053968510807
@@ -110,9 +134,11 @@ _CANON_LOGS = {
 }
 
 
-def encode(transfer: Transfer, linear: Float32[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
+def encode(transfer: Tone, linear: Float32[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
     """Code values of linear light; what lies outside codes [0, 1] is clipped."""
     match transfer:
+        case Curve():
+            return transfer.code(np.clip(linear, 0, 1)).astype(np.float32)
         case Transfer.SRGB:
             light = np.clip(linear, 0, 1)
             return np.where(light <= _SRGB_KNEE, 12.92 * light, 1.055 * light ** np.float32(1 / 2.4) - 0.055)
@@ -131,9 +157,11 @@ def encode(transfer: Transfer, linear: Float32[np.ndarray, "*shape"]) -> Float32
             return np.clip(code, 0, 1).astype(np.float32)
 
 
-def decode(transfer: Transfer, codes: Float32[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
+def decode(transfer: Tone, codes: Float32[np.ndarray, "*shape"]) -> Float32[np.ndarray, "*shape"]:
     """Linear light of code values in [0, 1]; the inverse of `encode`."""
     match transfer:
+        case Curve():
+            return transfer.at(codes).astype(np.float32)
         case Transfer.SRGB:
             return np.where(codes <= 12.92 * _SRGB_KNEE, codes / 12.92, ((codes + 0.055) / 1.055) ** np.float32(2.4))
         case Transfer.BT709:

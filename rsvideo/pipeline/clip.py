@@ -163,6 +163,8 @@ def prepare(job: ClipJob) -> ClipTask:
         raise UnreadableError(f"{job.source} must be at least {SMALLEST} x {SMALLEST} px, it is {stream.cols} x {stream.rows}")
     if job.transfer:
         stream = replace(stream, colour=replace(stream.colour, transfer=Transfer(job.transfer)))
+    elif clip.profile and clip.profile.tone and not stream.colour.floating:
+        stream = replace(stream, colour=replace(stream.colour, transfer=clip.profile.tone, clip=clip.profile.clip))
     first, last = _span(job, stream)
     notes = clip.notes
     if job.method == "none":
@@ -226,6 +228,8 @@ def _span(job: ClipJob, stream: Stream) -> tuple[int, int]:
 
 def _camera(job: ClipJob, clip: known.KnownClip) -> sidecar.Camera:
     rows, cols = clip.stream.rows, clip.stream.cols
+    if job.focal_px is None and clip.profile and clip.profile.intrinsics:
+        return sidecar.Camera.of(clip.profile.intrinsics, clip.profile.profile)
     if job.focal_px is not None:
         focal, source = job.focal_px, "explicit"
     elif clip.focal is not None:
@@ -393,7 +397,7 @@ def _record(task: ClipTask, frames: list[FrameRecord]) -> sidecar.Sidecar:
             rsvideo=version("rsvideo"),
             camera=task.camera,
             direction=task.timing.direction,
-            transfer=task.stream.colour.transfer,
+            transfer=task.stream.colour.transfer.value,
             trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
             restoration=json.loads(json.dumps(asdict(task.settings))),
             input_sha256=_sha256(task.stream),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsvideo.config import sidecar
+from rsvideo.config import profile, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.quantity import LONGEST, hand_held
 from rsvideo.physics.camera import Intrinsics
@@ -28,7 +28,8 @@ class Job:
     exposure: float | None  # seconds
     readout: float | None  # seconds; this or row_time
     row_time: float | None  # seconds
-    direction: Direction
+    direction: Direction | None
+    camera: str | None  # a profile's name or file
     focal_px: float | None
     transfer: Transfer | None
     trajectory: Path | None  # motion that is given
@@ -56,25 +57,29 @@ class Task:
 def prepare(job: Job) -> Task:
     """Read the photograph and settle timing and camera; raises ValueError, UnreadableError or FileExistsError."""
     _check_output(job)
-    if (job.readout is None) == (job.row_time is None):
+    known = None if job.camera is None else profile.find(job.camera)
+    timed = known is not None and known.timing is not None
+    if (job.readout is not None and job.row_time is not None) or (job.readout is None and job.row_time is None and not timed):
         both = "both were given" if job.readout is not None else "neither was; a phone's or DSLR's video often reads in 10ms to 30ms"
         raise ValueError(f"exactly one of --readout and --row-time must be given, {both}")
-    photograph = still.read(job.source, job.transfer)
+    tone, clip = (job.transfer, None) if job.transfer or not known else profile.response(known)
+    photograph = still.read(job.source, tone, clip)
     rows, cols = photograph.pixels.shape[:2]
     if min(rows, cols) < SMALLEST:
         raise UnreadableError(
             f"{job.source} must be at least {SMALLEST} x {SMALLEST} px, it is {cols} x {rows};"
             " so small a picture has nothing to measure motion by"
         )
-    timing, source = _timing(job, photograph)
-    camera, notes = _camera(job, photograph)
+    said, told = profile.for_clip(known, rows, cols, None) if known else (None, ())
+    timing, source = _timing(job, photograph, said)
+    camera, notes = _camera(job, photograph, said)
     return Task(
         job=job,
         still=photograph,
         timing=timing,
         timing_source=source,
         camera=camera,
-        notes=photograph.notes + notes,
+        notes=photograph.notes + told + notes,
     )
 
 
@@ -85,15 +90,19 @@ def _check_output(job: Job) -> None:
     output.check(job.source, (job.output, job.record), overwrite=job.overwrite)
 
 
-def _timing(job: Job, photograph: Still) -> tuple[ShutterTiming, str]:
+def _timing(job: Job, photograph: Still, said: profile.Facts | None) -> tuple[ShutterTiming, str]:
     exposure = photograph.shot.exposure if job.exposure is None else job.exposure
     if exposure is None:
         raise ValueError(f"exposure must be given, {job.source} does not say it in EXIF; 1/50, 20ms and 0.02 are times")
     exposure = hand_held("exposure" if job.exposure is not None else "exposure (from EXIF)", exposure, zero=False)
     rows, cols = photograph.pixels.shape[:2]
-    scanlines = rows if job.direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else cols
+    direction = job.direction or (said.direction.value if said and said.direction else Direction.TOP_TO_BOTTOM)
+    scanlines = rows if direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else cols
+    whence = "explicit"
     if job.readout is not None:
         readout = hand_held("readout", job.readout, zero=True)
+    elif job.row_time is None and said and said.readout:
+        readout, whence = hand_held("readout (from the profile)", said.readout.value, zero=True), f"by {said.readout.source}"
     else:
         readout = scanlines * (job.row_time or 0.0)
         if readout > LONGEST:
@@ -101,14 +110,17 @@ def _timing(job: Job, photograph: Still) -> tuple[ShutterTiming, str]:
                 f"row-time must let {scanlines} rows be read in {LONGEST:g} s, got {job.row_time:g} s a row, which makes {readout:g} s;"
                 " is it in milliseconds or microseconds?"
             )
-    timing = ShutterTiming.from_readout(exposure=exposure, readout=readout, rows=scanlines, direction=job.direction)
-    return timing, "explicit" if job.exposure is not None else "exposure from EXIF, readout explicit"
+    timing = ShutterTiming.from_readout(exposure=exposure, readout=readout, rows=scanlines, direction=direction)
+    opened = "explicit" if job.exposure is not None else "from EXIF"
+    return timing, opened if opened == whence else f"exposure {opened}, readout {whence}"
 
 
-def _camera(job: Job, photograph: Still) -> tuple[sidecar.Camera, tuple[str, ...]]:
+def _camera(job: Job, photograph: Still, said: profile.Facts | None) -> tuple[sidecar.Camera, tuple[str, ...]]:
     rows, cols = photograph.pixels.shape[:2]
     longer = max(rows, cols)
     notes: tuple[str, ...] = ()
+    if job.focal_px is None and said and said.intrinsics:
+        return sidecar.Camera.of(said.intrinsics, said.profile), notes
     if job.focal_px is not None:
         focal, source = job.focal_px, "explicit"
         if focal < _WIDEST * longer:

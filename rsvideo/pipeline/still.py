@@ -56,7 +56,7 @@ def _record(task: Task, settings: Settings, result: FrameResult) -> sidecar.Side
             rsvideo=version("rsvideo"),
             camera=task.camera,
             direction=task.timing.direction,
-            transfer=task.still.transfer,
+            transfer=task.still.transfer.value,
             trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
             restoration=json.loads(json.dumps(asdict(settings))),
         ),

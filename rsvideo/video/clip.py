@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int
 
-from rsvideo.physics.tone import Transfer
+from rsvideo.physics.tone import Tone
 
 
 class Matrix(enum.StrEnum):
@@ -30,7 +30,7 @@ class Colour:
     """What the codes of a stream mean. `assumed` names the facts that the stream does not say."""
 
     matrix: Matrix
-    transfer: Transfer
+    transfer: Tone
     primaries: str  # of H.273, as FFmpeg spells them; carried, never applied
     full_range: bool
     depth: int  # bits a sample; 32 is floating point, where codes are light already
@@ -44,6 +44,7 @@ class Colour:
         2,
         0,
     )  # primaries, transfer, matrix, and FFmpeg's range as the stream has them; 2 and 0: unsaid
+    clip: float | None = None  # R'G'B' from which on the camera was full, where that is known; 1 is nominal white
 
     @property
     def note(self) -> str:

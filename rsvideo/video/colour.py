@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float32
 from numba import njit
 
 from rsvideo.physics import tone
-from rsvideo.physics.tone import Transfer
+from rsvideo.physics.tone import Tone
 from rsvideo.video.clip import Colour, Matrix, Picture
 
 Light = Float32[np.ndarray, "rows cols channels"]  # 3, or 1 of a grey picture
@@ -56,7 +56,7 @@ def encoded(pixels: Light, picture: Picture, target: Colour) -> Picture:
 def relaid(picture: Picture, colour: Colour, target: Colour) -> Picture:
     """The same picture in another depth, range or chroma layout; through light only where the curve or the matrix differs."""
     grey = colour.subsampling == "4:0:0"
-    if colour.floating or target.floating or colour.transfer is not target.transfer:
+    if colour.floating or target.floating or colour.transfer != target.transfer:
         pixels = np.stack(picture.planes, axis=-1) if colour.floating else light(picture, colour)[0] * np.float32(_full_light(colour))
         return encoded(pixels / np.float32(_full_light(target)), picture, target)
     if colour.matrix is not target.matrix and not grey:
@@ -165,7 +165,7 @@ def _full_light(colour: Colour) -> float:
 
 
 @lru_cache(maxsize=8)
-def _tables(transfer: Transfer, gain: float, lift: float, highest: float) -> tuple[np.ndarray, np.ndarray]:
+def _tables(transfer: Tone, gain: float, lift: float, highest: float) -> tuple[np.ndarray, np.ndarray]:
     """Light by R'G'B' from 0 to `highest`; and R'G'B' by the fourth root of light, which is where curves are steep."""
     primed = np.linspace(0, highest, _ENTRIES + 1)
     to_light = tone.decode(transfer, (gain * primed + lift).astype(np.float32)).astype(np.float64)
@@ -192,7 +192,7 @@ def _clipped(primed: np.ndarray, colour: Colour) -> np.ndarray:
     step = 1 / 255 if colour.full_range else 1 / 219
     if colour.depth > 8:
         step /= 2
-    full = primed >= _highest(colour) - _BELOW * step
+    full = primed >= (_highest(colour) - _BELOW * step if colour.clip is None else colour.clip)
     if colour.full_range or colour.transfer.logarithmic:
         return full
     return full | ((primed >= 1 - _BELOW * step) & (primed <= 1 + _ABOVE * step))

@@ -396,7 +396,7 @@ def _options(encoding: Encoding, codec: str, colour: Colour, stream: Stream, fra
 
 def _fits(picture: Picture, colour: Colour, stream: Stream) -> bool:
     """Whether the planes have the layout of `colour`; same-shaped ones of the source do where the layouts agree."""
-    if colour.pixel_format == stream.colour.pixel_format and colour.transfer is stream.colour.transfer:
+    if colour.pixel_format == stream.colour.pixel_format and colour.transfer == stream.colour.transfer:
         return True
     rows, cols = picture.planes[0].shape
     down, across = colour.chroma_shift

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float32
 
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics import tone
-from rsvideo.physics.tone import Transfer
+from rsvideo.physics.tone import Tone, Transfer
 from rsvideo.video import exif
 from rsvideo.video.codes import MOST_BYTES, Codes
 
@@ -70,7 +70,7 @@ class Still:
     pixels: Float32[np.ndarray, "rows cols channels"]  # linear light in [0, 1]; 1 channel (grey) or 3
     clipped: Bool[np.ndarray, "rows cols channels"]  # codes at the sensor's or the file's upper limit
     codes: Codes  # as stored: depth, alpha, colour profile, EXIF
-    transfer: Transfer  # of the codes that are written back
+    transfer: Tone  # of the codes that are written back
     shot: exif.Shot
     format: Format
     source: bytes  # the file itself
@@ -81,8 +81,11 @@ class Still:
         return self.codes.notes
 
 
-def read(path: Path, transfer: Transfer | None = None) -> Still:
-    """The photograph in a file. `transfer` is sRGB unless given; raw is linear as read and takes `transfer` when written."""
+def read(path: Path, transfer: Tone | None = None, clip: float | None = None) -> Still:
+    """The photograph in a file. `transfer` is sRGB unless given; raw is linear as read and takes `transfer` when written.
+
+    Codes in [0, 1] from `clip` on count as clipped.
+    """
     data = read_whole(path, most=MOST_BYTES)
     kind = _format(path, data)
     try:
@@ -91,7 +94,7 @@ def read(path: Path, transfer: Transfer | None = None) -> Still:
         raise UnreadableError(f"{path} {error}") from error
     top = int(np.iinfo(codes.samples.dtype).max)
     light = tone.decode(Transfer.LINEAR if kind is Format.RAW else transfer or Transfer.SRGB, np.linspace(0, 1, top + 1, dtype=np.float32))
-    clipped = codes.samples >= np.ceil(_TOP * top)
+    clipped = codes.samples >= np.ceil(min(_TOP, clip or 1.0) * top)
     return Still(
         pixels=light[codes.samples],
         clipped=clipped if codes.clipped is None else clipped | codes.clipped[..., None],

@@ -55,6 +55,25 @@ def test_the_sidecar_of_one_run_is_the_trajectory_of_the_next(rsvideo_at_once: R
         np.testing.assert_allclose(a[axis], b[axis], atol=0.02)
 
 
+def test_a_profile_answers_for_lens_readout_and_tone(rsvideo_at_once: Run, photograph: Path) -> None:
+    profile = photograph.with_name("mine.yaml")
+    lens = "{fx: 120, fy: 121, cx: 31, cy: 24}"
+    timing = "{readout_s: 0.024, direction: bottom-to-top}"
+    curve = "{curve: [0, 0.25, 1]}"
+    profile.write_text(f"name: Mine\nmode: {{rows: 48, cols: 64}}\nintrinsics: {lens}\ntiming: {timing}\ntone: {curve}\n")
+    words = ("--exposure", "1/50", "--camera", profile, "--json")
+    done = rsvideo_at_once("deblur", photograph, "-o", photograph.with_name("out.png"), *words)
+    record = json.loads(done.stdout.removeprefix("working\n"))
+    assert record["settings"]["camera"] == {
+        "fx": 120, "fy": 121, "cx": 31, "cy": 24, "rows": 48, "cols": 64, "source": "the profile of Mine"
+    }  # fmt: skip
+    assert record["settings"]["direction"] == "bottom-to-top"
+    assert record["settings"]["transfer"] == "measured"
+    timing = record["frames"][0]["timing"]
+    assert timing["row_time_s"] == pytest.approx(0.024 / 48)
+    assert timing["source"] == "exposure explicit, readout by the profile of Mine"
+
+
 def test_sideways_readout_counts_columns(rsvideo_at_once: Run, photograph: Path) -> None:
     done = rsvideo_at_once("deblur", photograph, "-o", photograph.with_name("out.png"), *GOOD, "--direction", "left-to-right", "--json")
     record = json.loads(done.stdout.removeprefix("working\n"))

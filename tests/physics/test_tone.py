@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsvideo.physics.tone import Transfer, decode, encode
+from rsvideo.physics.tone import Curve, Transfer, decode, encode
 
 every_transfer = pytest.mark.parametrize("transfer", Transfer)
 
@@ -17,6 +17,20 @@ def test_every_code_comes_back_exactly(transfer: Transfer, top: int) -> None:
     codes = np.arange(top + 1, dtype=np.float32) / top
     back = np.rint(encode(transfer, decode(transfer, codes)) * top)
     np.testing.assert_array_equal(back, np.arange(top + 1))
+
+
+def test_a_measured_curve_that_samples_a_standards_one_is_that_curve() -> None:
+    codes = np.linspace(0, 1, 65)
+    curve = Curve(light=tuple(decode(Transfer.BT709, codes.astype(np.float32)).astype(float).tolist()))
+    ramp = np.linspace(0, 1, 1001, dtype=np.float32)
+    np.testing.assert_allclose(decode(curve, ramp), decode(Transfer.BT709, ramp), atol=1e-4)
+    np.testing.assert_allclose(encode(curve, decode(curve, ramp)), ramp, atol=1e-5)
+
+
+def test_a_measured_curve_goes_straight_on_above_white_and_its_foot_is_black() -> None:
+    curve = Curve(light=(0.0, 0.0, 0.5, 1.0))
+    np.testing.assert_allclose(decode(curve, np.array([1.1], np.float32)), 1.15, atol=1e-6)
+    np.testing.assert_allclose(encode(curve, np.zeros(1, np.float32)), 1 / 3, atol=1e-6)
 
 
 @every_transfer

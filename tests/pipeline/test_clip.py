@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.physics.shutter import Direction
+from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.pipeline.clip import AHEAD, LONGEST, WARM_UP, ChunkRecord, ClipJob, ClipTask, Outcome, chunks, finish, prepare, work
 from rsvideo.video import decode
 from rsvideo.video.clip import Stream
@@ -57,6 +59,24 @@ def carried_out(task: ClipTask, folder: Path) -> tuple[Outcome, list[ChunkRecord
 def decoded(path: Path) -> tuple[Stream, list[tuple[np.ndarray, ...]]]:
     stream = decode.probe(path)
     return stream, [picture.planes for picture in decode.pictures(stream)]
+
+
+def test_a_profile_answers_for_lens_readout_and_tone(tmp_path: Path) -> None:
+    profile = tmp_path / "mine.yaml"
+    profile.write_text(
+        "name: Mine\nmode: {rows: 96, cols: 160}\nintrinsics: {fx: 120, fy: 121, cx: 31, cy: 24}\n"
+        "timing: {readout_s: 0.024, direction: bottom-to-top}\ntone: {curve: [0, 0.25, 1], clip: 0.9}\n"
+    )
+    source = tmp_path / "a.mp4"
+    make(source, rows=96, cols=160, frames=2)
+    task = prepare(asked(source, tmp_path / "b.mp4", exposure=0.01, camera=str(profile)))
+    assert (task.camera.fx, task.camera.fy, task.camera.cx, task.camera.cy) == (120, 121, 31, 24)
+    assert task.timing.readout == pytest.approx(0.024)
+    assert task.timing.direction is Direction.BOTTOM_TO_TOP
+    assert (task.stream.colour.transfer, task.stream.colour.clip) == (Curve(light=(0.0, 0.25, 1.0)), 0.9)
+    over = prepare(asked(source, tmp_path / "b.mp4", exposure=0.01, camera=str(profile), transfer="s-log3", focal_px=99.0))
+    assert over.stream.colour.transfer is Transfer.SLOG3
+    assert over.camera.source == "explicit"
 
 
 def joined_scenes(path: Path, lengths: tuple[int, ...]) -> Path:
