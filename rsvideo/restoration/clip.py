@@ -81,13 +81,23 @@ def _polynomial(timing: ShutterTiming, axes: int, terms: int = TERMS) -> Polynom
 
 
 def follow(
-    tracks: Sequence[Tracks], begins: Float[np.ndarray, " frames"], timing: ShutterTiming, intrinsics: Intrinsics, axes: int
+    tracks: Sequence[Tracks],
+    begins: Float[np.ndarray, " frames"],
+    timing: ShutterTiming,
+    intrinsics: Intrinsics,
+    axes: int,
+    *,
+    backwards: Sequence[int] = (),
 ) -> Path:
-    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion."""
+    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion.
+
+    Frames whose index is among `backwards` were read from the last scanline to the first.
+    """
     start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
     terms = 3 + max(1, int(np.ceil((end - start) / timing.interval[1] * KNOTS)))
     path = Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
-    pairs = [_Pair.of(t, begins[k : k + 2], timing, intrinsics, path) for k, t in enumerate(tracks) if len(t.before)]
+    back = [k in backwards for k in range(len(begins))]
+    pairs = [_Pair.of(t, begins[k : k + 2], back[k : k + 2], timing, intrinsics, path) for k, t in enumerate(tracks) if len(t.before)]
     steps = np.arange(start, end - timing.interval[1] + 1e-9, timing.interval[1] / 2)
     projections = [windows(path, t, timing)[1:] for t in steps]
     unit = np.array([1, 1, 1 / intrinsics.fx])[:axes]
@@ -125,12 +135,14 @@ class _Pair:
     moved: Float[np.ndarray, "points 2"]
 
     @classmethod
-    def of(cls, tracks: Tracks, begins: np.ndarray, timing: ShutterTiming, intrinsics: Intrinsics, path: Spline) -> "_Pair":
+    def of(
+        cls, tracks: Tracks, begins: np.ndarray, back: list[bool], timing: ShutterTiming, intrinsics: Intrinsics, path: Spline
+    ) -> "_Pair":
         nodes = np.linspace(0, timing.rows - 1, NODES)
         times = nodes[:, None] * timing.row_time + timing.sample_times(8)[0]
         seen = []
-        for at, points in zip(begins, (tracks.before, tracks.after), strict=True):
-            basis = path.basis(times + at).mean(axis=1)
+        for at, turned, points in zip(begins, back, (tracks.before, tracks.after), strict=True):
+            basis = path.basis((times[::-1] if turned else times) + at).mean(axis=1)
             place = np.clip(points[:, 1] / (timing.rows - 1) * (NODES - 1), 0, NODES - 1 - 1e-9)
             low, share = place.astype(int), (place % 1)[:, None]
             seen.append((1 - share) * basis[low] + share * basis[low + 1])

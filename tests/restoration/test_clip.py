@@ -38,8 +38,8 @@ def sights(path: Trajectory, begin: float, points: np.ndarray, timing: ShutterTi
     """Where a frame shows points of the latent image: each moved by the mean over its own row's exposure."""
     at = points.copy()
     for _ in range(30):
-        times = at[:, 1:] * timing.row_time + timing.sample_times(16)[0]
-        poses = path.at(times + begin)
+        lines = at[:, 1:] if timing.direction is Direction.TOP_TO_BOTTOM else timing.rows - 1 - at[:, 1:]
+        poses = path.at(lines * timing.row_time + timing.sample_times(16)[0] + begin)
         moves = turned(CAMERA, np.repeat(at[:, :1], 16, 1), np.repeat(at[:, 1:], 16, 1), poses)
         at = points - moves.mean(axis=1)
     return at
@@ -86,6 +86,25 @@ def test_rows_observed_at_another_time_give_a_worse_path() -> None:
     for wrong in (replace(TIMING, row_time=0.0), replace(TIMING, row_time=0.5 * TIMING.row_time)):
         spread = replace(wrong, exposure=TIMING.interval[1] - wrong.readout)  # the same interval
         assert apart(follow(tracks, BEGINS, spread, CAMERA, 2).spline, true) > 20 * right
+
+
+def test_two_views_of_one_moment_read_in_opposite_ways_tell_the_path_within_it() -> None:
+    true = sway(2)
+    x, y = np.meshgrid(np.linspace(5, 155, 12), np.linspace(-15, 135, 12))
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    down = sights(true, 0.0, points, TIMING)
+    backwards = replace(TIMING, direction=Direction.BOTTOM_TO_TOP)
+    up = sights(true, 0.0, points, backwards)
+    pair = Tracks(before=down, after=up)
+    t = np.linspace(0.15, 0.85, 20) * TIMING.interval[1]
+
+    def off(found: Trajectory) -> float:
+        difference = found.at(t) - true.at(t)
+        return float(np.abs(difference - difference.mean(axis=0)).max())
+
+    found = follow([pair], np.zeros(2), TIMING, CAMERA, 2, backwards=(1,)).spline
+    assert off(found) < 0.2
+    assert off(follow([pair], np.zeros(2), TIMING, CAMERA, 2).spline) > 0.5
 
 
 def test_a_few_points_that_lie_do_not_bend_the_path() -> None:

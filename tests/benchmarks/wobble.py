@@ -1,0 +1,177 @@
+"""Rectify clips of known motion and print how far their points lie from where a global shutter had seen them, before and after.
+
+    python tests/benchmarks/wobble.py [--shared FOLDER]
+
+Simulated clips have short exposures and a hand's shake, 0.3 and 0.6 rad/s RMS (a recording of vigorous hands has 0.6). `told` are
+points of a grid whose places the true motion tells; `tracked` are corners of the true frames found again by Lucas-Kanade, whose own
+error of some 0.1 px is in both. Of each frame the mean displacement is removed: it is no wobble. FOLDER holds cases/clips, which are
+blurred, and real/dual_reversed_real, pairs of one moment read downwards and upwards, whose points must meet: of these every other
+point tells the motion and the others are measured, RMS and median; their focal length is taken for their width.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import skimage.data
+
+from rsvideo.baselines.rectify import movement, rectified
+from rsvideo.frame import Frame
+from rsvideo.physics import gyro
+from rsvideo.physics.camera import Intrinsics, turned
+from rsvideo.physics.shake import shake
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.simulate import Noise, margin, render
+from rsvideo.physics.trajectory import Spline, Trajectory
+from rsvideo.restoration import clip
+from rsvideo.restoration.blind import Settings, luminance
+from rsvideo.restoration.tracks import Tracks, codes, track
+from rsvideo.video import colour, still
+from rsvideo.video.decode import pictures, probe
+
+FRAMES, RATE = 16, 30
+ROWS, COLS, FOCAL = 240, 360, 400.0
+SCENES = ("coffee.png", "astronaut.png", "rocket.jpg", "camera.png", "motorcycle_left.png")
+NODES = 12
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Clip:
+    """Frames, what they should have been, and the true motion within each, in seconds of that frame."""
+
+    name: str
+    frames: list[Frame]
+    truth: list[np.ndarray]
+    ways: Sequence[Trajectory]
+    timing: ShutterTiming
+    camera: Intrinsics
+
+
+def simulated(scene: str, rms: float, seed: int, direction: Direction) -> Clip:
+    """A sharp clip of a shaken camera."""
+    light = still.read(Path(skimage.data.__file__).parent / scene).pixels.astype(np.float64)
+    camera = Intrinsics.centred(focal=FOCAL, rows=ROWS, cols=COLS)
+    lines = COLS if direction in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT) else ROWS
+    timing = ShutterTiming.from_readout(exposure=0.5e-3, readout=0.025, rows=lines, direction=direction)
+    begins = np.arange(FRAMES) / RATE
+    step = 0.5e-3
+    angles = shake(np.random.default_rng(seed), float(begins[-1]) + timing.interval[1], 1 / step, rms=rms)
+    angles -= angles.mean(axis=0)
+    whole = gyro.spline_through(gyro.poses_from_angles(angles, camera=camera), duration=step * (len(angles) - 1), spacing=0.0025)
+    assert isinstance(whole, Spline)
+    ways = [replace(whole, t0=whole.t0 - b, t1=whole.t1 - b) for b in begins]
+    needed = np.max([margin(camera=camera, timing=timing, trajectory=way) for way in ways], axis=0)
+    if (np.array(light.shape[:2]) < np.array([ROWS, COLS]) + 2 * needed).any():
+        light = np.pad(light, ((needed[0], needed[0]), (needed[1], needed[1]), (0, 0)), mode="reflect")
+    rng = np.random.default_rng([seed, 1])
+    made = [render(light, camera=camera, timing=timing, trajectory=w, noise=Noise(sigma=0.005), rng=rng, samples=4) for w in ways]
+    frames = [
+        Frame(pixels=m.blurred, clipped=m.blurred >= 1, time=float(b), index=k) for k, (m, b) in enumerate(zip(made, begins, strict=True))
+    ]
+    name = f"{Path(scene).stem} {rms:g} rad/s {direction.value}"
+    return Clip(name=name, frames=frames, truth=[m.truth for m in made], ways=ways, timing=timing, camera=camera)
+
+
+def rendered(case: Path) -> Clip:
+    """A blurred clip with its truth."""
+    facts = json.loads((case / "case.json").read_text())
+    camera = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
+    timing = ShutterTiming.from_readout(exposure=facts["exposure_s"], readout=facts["readout_s"], rows=facts["rows"])
+    t, *angles = np.loadtxt(case / "motion.csv", delimiter=",", skiprows=1).T
+    poses = gyro.poses_from_angles(np.stack(angles, axis=1), camera=camera)
+    even = np.linspace(t[0], t[-1], len(t))
+    poses = np.stack([np.interp(even, t, p) for p in poses.T], axis=1)
+    whole = gyro.spline_through(poses, duration=float(t[-1] - t[0]), spacing=0.002)
+    assert isinstance(whole, Spline)
+    frames, truth = list(_frames(case / "clip.mp4")), [f.pixels for f in _frames(case / "truth.mp4")]
+    ways = [replace(whole, t0=t[0] - f.time, t1=t[-1] - f.time) for f in frames]
+    return Clip(name=case.name, frames=frames, truth=truth, ways=ways, timing=timing, camera=camera)
+
+
+def _frames(path: Path) -> Iterator[Frame]:
+    stream = probe(path)
+    for picture in pictures(stream):
+        pixels, clipped = colour.light(picture, stream.colour)
+        yield Frame(pixels=pixels, clipped=clipped, time=picture.time, index=picture.index)
+
+
+def poses(way: Trajectory, timing: ShutterTiming, scanlines: np.ndarray) -> np.ndarray:
+    """The mean pose over each scanline's exposure, relative to the pose of the middle."""
+    times = scanlines[:, None] * timing.row_time + timing.sample_times(16)[0]
+    return way.at(times).mean(axis=1) - way.at(np.array([timing.middle]))
+
+
+def told(true: Trajectory, found: Trajectory | None, timing: ShutterTiming, camera: Intrinsics) -> np.ndarray:
+    """How far a grid's points, put where `found` says, lie from where they belong; left where they are without it."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, camera.cols - 1, NODES), np.linspace(0, camera.rows - 1, NODES)))
+    index = timing.direction.image(np.repeat(np.arange(float(timing.rows))[:, None], camera.rows + camera.cols - timing.rows, 1))
+    scanlines = index[np.rint(y).astype(int), np.rint(x).astype(int)]
+    home = turned(camera, x, y, poses(true, timing, scanlines))
+    return home if found is None else turned(camera, x, y, poses(found, timing, scanlines)) - home
+
+
+def tracked(pixels: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """How far the true frame's corners lie from where they belong."""
+    pair = track(codes(luminance(truth)), codes(luminance(pixels)))
+    return pair.after - pair.before
+
+
+def rms(displacements: list[np.ndarray]) -> float:
+    """Over all points of all frames, each frame's mean removed."""
+    apart = np.concatenate([d - d.mean(axis=0) for d in displacements if len(d)])
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
+def measured(moving: Clip) -> tuple[float, ...]:
+    """Wobble before and after, as the true motion tells it and as corners show it."""
+    found = movement(moving.frames, moving.timing, moving.camera, Settings(), lambda _: None)
+    before = rms([told(w, None, moving.timing, moving.camera) for w in moving.ways])
+    now = rms([told(w, f, moving.timing, moving.camera) for w, f in zip(moving.ways, found.within, strict=True)])
+    shown = [rectified(f, w, moving.timing, moving.camera) if w else f for f, w in zip(moving.frames, found.within, strict=True)]
+    seen = rms([tracked(f.pixels, t) for f, t in zip(moving.frames, moving.truth, strict=True)])
+    left = rms([tracked(f.pixels, t) for f, t in zip(shown, moving.truth, strict=True)])
+    return before, now, now / before, seen, left, left / seen
+
+
+def paired(folder: Path, name: str) -> tuple[float, ...]:
+    """How far the points of a pair lie apart, RMS before and after, and the same of the median."""
+    down, up = (still.read(folder / f"{name}_{way}.png").pixels for way in ("t2b", "b2t"))
+    rows, cols = down.shape[:2]
+    camera = Intrinsics.centred(focal=float(cols), rows=rows, cols=cols)
+    timing = ShutterTiming.from_readout(exposure=1e-3, readout=0.03, rows=rows)
+    points = track(codes(luminance(down)), codes(luminance(up)))
+    half, rest = (Tracks(before=points.before[k::2], after=points.after[k::2]) for k in (0, 1))
+    way = clip.within(clip.follow([half], np.zeros(2), timing, camera, 3, backwards=(1,)).spline, 0.0, timing)
+    home = [
+        seen + turned(camera, seen[:, 0], seen[:, 1], poses(way, timing, scanlines))
+        for seen, scanlines in ((rest.before, rest.before[:, 1]), (rest.after, rows - 1 - rest.after[:, 1]))
+    ]
+    apart = [d - d.mean(axis=0) for d in (rest.after - rest.before, home[1] - home[0])]
+    before, now = (float(np.sqrt((d**2).sum(axis=1).mean())) for d in apart)
+    seen, left = (float(np.median(np.linalg.norm(d, axis=1))) for d in apart)
+    return before, now, now / before, seen, left, left / seen
+
+
+def main() -> None:
+    """Print a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--shared", type=Path)
+    args = parser.parse_args()
+    print("| clip | told: before px | after px | ratio | tracked: before px | after px | ratio |\n|---|---|---|---|---|---|---|")
+    ways = list(Direction)
+    made = (simulated(scene, level, n, ways[(n + k) % 4]) for n, scene in enumerate(SCENES) for k, level in enumerate((0.3, 0.6)))
+    for moving in made:
+        print(f"| {moving.name} | " + " | ".join(f"{v:.2f}" for v in measured(moving)) + " |", flush=True)
+    if args.shared:
+        for name in ("r0", "r1", "s0", "s1"):
+            values = paired(args.shared / "real" / "dual_reversed_real", name)
+            print(f"| pair {name}, RMS and median | " + " | ".join(f"{v:.2f}" for v in values) + " |", flush=True)
+        for case in sorted(f.parent for f in (args.shared / "cases" / "clips").glob("*/case.json")):
+            print(f"| {case.name}, blurred | " + " | ".join(f"{v:.2f}" for v in measured(rendered(case))) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
