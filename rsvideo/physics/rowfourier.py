@@ -3,6 +3,7 @@
 All pixels of a scanline see the same path, so along the scanline the blur is a convolution and a Fourier transform
 diagonalises it:  b^(i, f) = sum_j A_f(i, j) l^(j, f),  A_f(i, j) = (1/K) sum_k exp(2 pi i f dx_ik) w(j - i - dy_ik),
 with w the interpolation weight across rows. A_f is banded: its width is the vertical extent of one scanline's path.
+A PSF that no path tells is the same sum with a weight of its own for each sample instead of 1/K.
 Su & Heidrich (Sec. 5.3) hold Fourier methods to be ruled out; for their own 2-D model they are exact.
 """
 
@@ -21,7 +22,7 @@ _LANES = 16
 
 @no_type_check
 @njit(cache=True, fastmath=True, parallel=True)
-def _symbol(dx, first, weights, width, period, count):
+def _symbol(dx, share, first, weights, width, period, count):
     """A_f(i, base_i + o) in (blocks, rows, width, lanes), real and imaginary."""
     rows, samples = dx.shape
     re = np.zeros((count, rows, width, _LANES), np.float32)
@@ -32,8 +33,8 @@ def _symbol(dx, first, weights, width, period, count):
         for k in range(samples):
             angle = 2 * np.pi * dx[i, k] / period
             for b in range(_LANES):
-                zr[b] = np.cos(angle * b) / samples
-                zi[b] = np.sin(angle * b) / samples
+                zr[b] = np.cos(angle * b) * share[i, k]
+                zi[b] = np.sin(angle * b) * share[i, k]
             for c in range(count):
                 sr = np.float32(np.cos(angle * c * _LANES))
                 si = np.float32(np.sin(angle * c * _LANES))
@@ -175,11 +176,21 @@ def _parts(x: np.ndarray) -> np.ndarray:
     return x.view(np.float32).reshape(*x.shape, 2)
 
 
-def row_fourier(displacement: Float[np.ndarray, "rows samples 2"], cols: int, *, margin: int = 2) -> RowFourier:
-    """The operator of a frame of `cols` columns whose scanline i samples the latent image at offsets `displacement[i, k]` (x, y)."""
+def row_fourier(
+    displacement: Float[np.ndarray, "rows samples 2"],
+    cols: int,
+    *,
+    weights: Float[np.ndarray, "rows samples"] | None = None,
+    margin: int = 2,
+) -> RowFourier:
+    """The operator of a frame of `cols` columns whose scanline i samples the latent image at offsets `displacement[i, k]` (x, y).
+
+    `weights` say what part of the scanline's light each sample sends, all the same by default; they sum to 1 a scanline.
+    """
     rows = len(displacement)
     dx, dy = displacement[..., 0], displacement[..., 1]
-    index, weights = taps(dy)  # rows i + index .. i + index + TAPS - 1
+    share = np.full(dx.shape, 1 / dx.shape[1]) if weights is None else weights
+    index, across = taps(dy)  # rows i + index .. i + index + TAPS - 1
     lowest = np.arange(rows) + index.min(axis=1)
     width = int((index.max(axis=1) - index.min(axis=1)).max()) + TAPS
     top = int(max(0, -lowest.min())) + margin
@@ -190,6 +201,6 @@ def row_fourier(displacement: Float[np.ndarray, "rows samples 2"], cols: int, *,
     base = (lowest + top).astype(np.int64)
     count = -(-(period // 2 + 1) // _LANES)
     first = (index - index.min(axis=1, keepdims=True)).astype(np.int64)
-    re, im = _symbol(dx.astype(float), first, weights.astype(np.float32), width, float(period), count)
+    re, im = _symbol(dx.astype(float), share.astype(float), first, across.astype(np.float32), width, float(period), count)
     latent_rows = max(int(base.max()) + width, rows + top) + margin
     return RowFourier(rows=rows, cols=cols, top=top, latent_rows=latent_rows, left=left, period=period, base=base, re=re, im=im)

@@ -5,7 +5,7 @@ Each tile's normal matrix K^H K + rho D^T D is banded per horizontal frequency a
 and the columns beyond its sides, like clipped pixels, are completed from the model's own K l.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -58,10 +58,13 @@ class TileSystem:
 
 
 def tile_system(
-    offsets: Float[np.ndarray, "rows samples 2"], frame: Float[np.ndarray, "rows cols"], valid: Float[np.ndarray, "rows cols"]
+    offsets: Float[np.ndarray, "rows samples 2"],
+    frame: Float[np.ndarray, "rows cols"],
+    valid: Float[np.ndarray, "rows cols"],
+    weights: Float[np.ndarray, "rows samples"] | None = None,
 ) -> TileSystem:
-    """The system of a tile whose scanlines sample the latent image at `offsets`."""
-    op = row_fourier(offsets, frame.shape[1])
+    """The system of a tile whose scanlines sample the latent image at `offsets`, all with the same weight by default."""
+    op = row_fourier(offsets, frame.shape[1], weights=weights)
     re, im = op.gram()
     return with_frame(
         TileSystem(op=op, normal=BandedHermitian(re=re, im=im, frequencies=op.frequencies), frame=frame, valid=valid, completed=frame),
@@ -163,11 +166,22 @@ def tiled(
 ) -> TiledFrame:
     """The frame with its blur along `trajectory`; tolerance is the largest error in px of a tile's path at the tile's edge."""
     cut = tiles.split(intrinsics.cols, tiles.tiles_needed(trajectory, intrinsics, timing, tolerance), OVERLAP)
+    return tiled_from(cut, lambda tile: (tiles.displacement(tile, trajectory, intrinsics, timing, samples), None), pixels, clipped)
+
+
+def tiled_from(
+    cut: list[Tile],
+    samples: Callable[[Tile], tuple[Float[np.ndarray, "rows samples 2"], Float[np.ndarray, "rows samples"] | None]],
+    pixels: Float[np.ndarray, "rows cols channels"],
+    clipped: Bool[np.ndarray, "rows cols channels"],
+) -> TiledFrame:
+    """The frame whose scanlines sample the latent image, in each tile, at those offsets with those weights."""
     valid = (~clipped).astype(np.float32)
     systems = []
     for tile in cut:
         columns = slice(tile.first, tile.last)
-        first = tile_system(tiles.displacement(tile, trajectory, intrinsics, timing, samples), pixels[:, columns, 0], valid[:, columns, 0])
+        offsets, weights = samples(tile)
+        first = tile_system(offsets, pixels[:, columns, 0], valid[:, columns, 0], weights)
         systems.append([first] + [with_frame(first, pixels[:, columns, c], valid[:, columns, c]) for c in range(1, pixels.shape[2])])
     return TiledFrame(cut=cut, systems=systems)
 

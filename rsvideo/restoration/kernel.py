@@ -2,17 +2,19 @@
 
 The latent image follows Xu, Zheng & Jia (CVPR 2013): half-quadratic splitting of an L0 penalty on gradients. The
 kernel is a non-negative quadratic program on the latent gradients' autocorrelation. The ridge on the kernel is
-relative to that autocorrelation at zero, and the L0 weight to the image's own gradients; both stay constant, or the
-kernel collapses towards a point.
+relative to that autocorrelation at zero, and the L0 weight to the image's own gradients; both stay constant over the
+scales, or the kernel collapses towards a point.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import scipy.fft
 from jaxtyping import Complex, Float, Inexact
+
+FULL = 0.02  # a kernel with more than this share of its mass at its border needs a larger one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,10 +23,13 @@ class KernelSettings:
 
     ridge: float = 0.2  # of the kernel, relative to the gradients' autocorrelation at zero
     sparsity: float = 2.0  # weight of the L0 penalty, in mean squares of the image's gradients
+    last_sparsity: float = 2.0  # where it ends, falling evenly over the finest scale's alternations
     steps: int = 5  # alternations a scale
+    finest_steps: int = 5  # at the finest
     finest_beta: float = 1e4  # where half-quadratic splitting ends
     beta_factor: float = 2.0
     floor: float = 0.05  # kernel values below this share of its largest are noise
+    piece: float = 1.0  # pieces apart from the main one are noise below this share of the whole
 
 
 def l0_latent(
@@ -92,13 +97,14 @@ def _simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray,
     return x / total if total > 0 else np.full(len(linear), 1 / len(linear), np.float32)
 
 
-def clean(kernel: Float[np.ndarray, "k k"], floor: float) -> Float[np.ndarray, "k k"]:
-    """The kernel without its noise floor and without pieces apart from the main one, centred, of sum 1."""
+def clean(kernel: Float[np.ndarray, "k k"], floor: float, piece: float = 1.0) -> Float[np.ndarray, "k k"]:
+    """The kernel without its noise floor and without small pieces apart from the main one, centred, of sum 1."""
     kept = np.where(kernel >= floor * kernel.max(), kernel, 0).astype(np.float32)
     count, labels = cv2.connectedComponents((kept > 0).astype(np.uint8), connectivity=8)
     if count > 2:
-        mass = np.bincount(labels.ravel(), kept.ravel(), count)
-        kept *= labels == 1 + np.argmax(mass[1:])
+        mass = np.bincount(labels.ravel(), kept.ravel(), count) / kept.sum()
+        mass[0] = 0
+        kept *= np.isin(labels, np.flatnonzero(mass >= piece).tolist() or [np.argmax(mass)])
     return centre(kept / kept.sum())
 
 
@@ -135,16 +141,35 @@ def estimate(image: Float[np.ndarray, "rows cols"], size: int, settings: KernelS
         inside = cv2.erode(inside, np.ones((3, 3)), borderValue=0)
         blurred = [d * inside for d in _gradients(padded)]
         mean_square = float(sum((d * d).sum() for d in blurred) / inside.sum())
-        weight = settings.sparsity * mean_square
-        for _ in range(settings.steps):
+        steps = settings.finest_steps if k == size else settings.steps
+        fall = settings.last_sparsity / settings.sparsity if k == size else 1.0
+        for step in range(steps):
+            weight = settings.sparsity * fall ** ((step + 1) / steps) * mean_square
             latent = l0_latent(padded, kernel, weight, settings)
             gradients = _gradients(latent)
             strength = gradients[0] ** 2 + gradients[1] ** 2
             keep = inside * (strength > weight)
             if not keep.any():
                 keep = inside
-            kernel = clean(kernel_from_gradients(blurred, [g * keep for g in gradients], k, settings), settings.floor)
+            kernel = clean(kernel_from_gradients(blurred, [g * keep for g in gradients], k, settings), settings.floor, settings.piece)
         yield kernel
+
+
+def fitted(image: Float[np.ndarray, "rows cols"], sizes: Sequence[int], settings: KernelSettings) -> Float[np.ndarray, "k k"]:
+    """The kernel at the first of `sizes` whose border it does not touch, or at the last; none is larger than half the image."""
+    most = (min(image.shape) // 2 - 1) | 1
+    kernel = np.ones((1, 1), np.float32)
+    for size in sizes:
+        *_, kernel = estimate(image, min(size, most), settings)
+        if border_share(kernel) < FULL or size >= most:
+            break
+    return kernel
+
+
+def border_share(kernel: Float[np.ndarray, "k k"]) -> float:
+    """The share of a kernel's mass in its outermost tenth."""
+    rim = max(1, len(kernel) // 10)
+    return 1 - float(kernel[rim:-rim, rim:-rim].sum())
 
 
 def wrapped(image: Float[np.ndarray, "rows cols"], margin: int) -> Float[np.ndarray, "r c"]:

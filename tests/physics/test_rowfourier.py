@@ -26,14 +26,15 @@ def waves(op: RowFourier, seed=1):
     return np.array([[at(j, x) for x in range(op.period)] for j in range(op.latent_rows)], np.float32), at
 
 
-def matrix(op: RowFourier, offsets, f):
-    """A_f(i, j) = (1/K) sum_k exp(2 pi i f dx_ik) w(j - i - dy_ik), with w linear interpolation."""
+def matrix(op: RowFourier, offsets, f, weights=None):
+    """A_f(i, j) = sum_k s_ik exp(2 pi i f dx_ik) w(j - i - dy_ik), with w linear interpolation and s_ik = 1/K by default."""
+    weights = np.full((ROWS, SAMPLES), 1 / SAMPLES) if weights is None else weights
     A = np.zeros((ROWS, op.latent_rows), complex)
     for i in range(ROWS):
-        for dx, dy in offsets[i]:
+        for (dx, dy), share in zip(offsets[i], weights[i], strict=True):
             for j in range(op.latent_rows):
                 w = max(0.0, 1 - abs(j - op.top - i - dy))
-                A[i, j] += np.exp(2j * np.pi * f * dx / op.period) * w / SAMPLES
+                A[i, j] += np.exp(2j * np.pi * f * dx / op.period) * w * share
     return A
 
 
@@ -82,6 +83,21 @@ def test_adjoint_is_the_conjugate_transpose():
     x, y = noise(op.latent_rows, op, 4), noise(ROWS, op, 5)
     one, other = np.vdot(y, op.forward(x)), np.vdot(op.adjoint(y), x)
     assert abs(one - other) < 1e-6 * np.linalg.norm(x) * np.linalg.norm(y)
+
+
+@pytest.mark.parametrize("f", [0, 3, 16, -1])
+def test_samples_of_unequal_weight_are_the_dense_matrix_of_their_weighted_sum(f):
+    weights = np.random.default_rng(6).dirichlet(np.ones(SAMPLES), ROWS)
+    op = row_fourier(path(), COLS, weights=weights)
+    f = f % op.frequencies
+    x = noise(op.latent_rows, op, 4)
+    np.testing.assert_allclose(op.forward(x)[:, f], matrix(op, path(), f, weights) @ x[:, f], atol=1e-5)
+
+
+def test_equal_weights_change_nothing():
+    plain, weighted = row_fourier(path(), COLS), row_fourier(path(), COLS, weights=np.full((ROWS, SAMPLES), 1 / SAMPLES))
+    np.testing.assert_array_equal(weighted.re, plain.re)
+    np.testing.assert_array_equal(weighted.im, plain.im)
 
 
 @pytest.mark.parametrize("f", [0, 1, 15, 16, -1])  # the first and last of blocks of 16, and half the sampling rate

@@ -1,0 +1,117 @@
+"""One kernel for the whole frame, blind, after Cho & Lee (SIGGRAPH Asia 2009): strong edges, Fourier transforms, coarse to fine.
+
+The estimator is the one that finds the kernels of strips (restoration.kernel), and the latent image is solved for as
+along a trajectory, with the same denoiser, unknown borders and clipped pixels left out.
+"""
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.physics import tiles
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.tiles import Tile
+from rsvideo.physics.trajectory import still
+from rsvideo.restoration import blind, deblur, strips
+from rsvideo.restoration.blind import Settings, View
+from rsvideo.restoration.kernel import KernelSettings, fitted
+from rsvideo.restoration.motion import Scene
+
+SIZES = (31, 47, 69)  # kernel sizes tried in turn while the blur fills the smaller one
+KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be told more sharply than a strip's
+    ridge=0.002, sparsity=1.0, last_sparsity=0.05, finest_steps=10, floor=0.02, piece=0.1
+)
+
+
+def restored(frame: Frame, timing: ShutterTiming, settings: Settings, *, timing_source: str = "explicit") -> FrameResult:
+    """The latent image of `frame` under one kernel; where that is no blur, or nothing tells it, the frame as it was."""
+    started = time.monotonic()
+    view, scene = seen(frame, timing, settings)
+    latent = psfs = None
+    verdict = verdict_before(scene)
+    if verdict is Verdict.RESTORED:
+        kernel = fitted(blind.windowed(scene, blind.WINDOW_COLS).frame, SIZES, KERNELS)
+        psfs = kernel[None, None]
+        verdict = verdict_of([kernel])
+    if verdict is Verdict.RESTORED and psfs is not None:
+        latent = deconvolved(view.frame.pixels, view.frame.clipped, psfs[0, 0], settings, view.noise)
+    return finished(frame, timing, timing_source, latent, psfs, verdict, started)
+
+
+def seen(frame: Frame, timing: ShutterTiming, settings: Settings) -> tuple[View, Scene]:
+    """The frame along its scanlines, and its luminance as kernels are estimated from it."""
+    rows, cols = frame.pixels.shape[:2]
+    view = blind.along_scanlines(
+        frame, timing, Intrinsics.centred(focal=float(max(rows, cols)), rows=rows, cols=cols)
+    )  # shifts know no lens
+    return view, blind.observed(view.frame, view.timing, view.intrinsics, settings)
+
+
+def verdict_before(scene: Scene) -> Verdict:
+    """Whether there is texture to measure blur by."""
+    return Verdict.NO_TEXTURE if scene.gradient_power < max(1e-7, 8 * scene.noise**2) else Verdict.RESTORED
+
+
+def verdict_of(kernels: Sequence[Float[np.ndarray, "k k"]]) -> Verdict:
+    """Whether kernels are long enough for blur; the sharp latent image that they are found with has hard edges."""
+    return Verdict.SHARP if np.median([strips.length(k) for k in kernels]) < blind.SHARP_KERNEL else Verdict.RESTORED
+
+
+def deconvolved(
+    pixels: Float[np.ndarray, "rows cols channels"],
+    clipped: Bool[np.ndarray, "rows cols channels"],
+    kernel: Float[np.ndarray, "k k"],
+    settings: Settings,
+    noise: float,
+) -> Float[np.ndarray, "rows cols channels"]:
+    """The latent image under one known kernel."""
+    rows, cols = pixels.shape[:2]
+    offsets, weights = samples(kernel)
+    shape = (rows, len(weights))
+
+    def everywhere(_: Tile) -> tuple[np.ndarray, np.ndarray]:
+        return np.broadcast_to(offsets, (*shape, 2)), np.broadcast_to(weights, shape)
+
+    return solved(deblur.tiled_from(tiles.split(cols, 1, 0), everywhere, pixels, clipped), settings, noise)
+
+
+def samples(kernel: Float[np.ndarray, "k k"]) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
+    """Where a pixel blurred with `kernel` samples the latent image, and how much of each sample it holds."""
+    half = len(kernel) // 2
+    y, x = np.nonzero(kernel)
+    return np.stack([half - x, half - y], axis=-1).astype(float), kernel[y, x].astype(float)
+
+
+def solved(blurred: deblur.TiledFrame, settings: Settings, noise: float) -> Float[np.ndarray, "rows cols channels"]:
+    """The latent image as `blind.restore` solves for it."""
+    *_, latent = deblur.deblur(blurred, prior=settings.prior, mu=settings.mu_final if settings.prior == "tv" else 5e-4, noise=noise)
+    return latent
+
+
+def finished(
+    frame: Frame,
+    timing: ShutterTiming,
+    timing_source: str,
+    latent: Float[np.ndarray, "scanlines along channels"] | None,
+    psfs: Float[np.ndarray, "down across k k"] | None,
+    verdict: Verdict,
+    started: float,
+) -> FrameResult:
+    """The result in the image's own axes; without a latent image, the frame as it was."""
+    way = timing.direction
+    if psfs is not None:
+        psfs = np.array([[way.image(kernel) for kernel in row] for row in way.image(psfs)])
+    return FrameResult(
+        frame=frame,
+        timing=timing,
+        timing_source=timing_source,
+        trajectory=still(timing.interval, degree=1, axes=2),
+        latent=frame.pixels if latent is None else np.ascontiguousarray(way.image(latent)),
+        verdict=verdict,
+        seconds=time.monotonic() - started,
+        psfs=psfs,
+    )
