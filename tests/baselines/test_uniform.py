@@ -21,6 +21,11 @@ SETTINGS = Settings(prior="tv")
 HOOK = np.array([[0.0, 0.0], [2.5, 1.0], [0.3, -1.2]])  # px: a bent path of 9 px
 
 
+@pytest.fixture(autouse=True)
+def small_kernels(monkeypatch):
+    monkeypatch.setattr(uniform, "SIZES", (17,))
+
+
 def shutter(direction=Direction.TOP_TO_BOTTOM):
     lines = ROWS if direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else COLS
     return ShutterTiming.from_readout(exposure=0.04, readout=0.0, rows=lines, direction=direction)
