@@ -24,6 +24,7 @@ _MOST_STEPS = 20
 _LEAST_STEP = 0.005  # px
 _LAGS = 4  # px up to which residuals are correlated
 _FEWEST_LINES = 3  # that say something
+_CURVED = 0.02  # of a line's length, that its points lie off: what bends so much is curved in the world
 _SWAY = 5  # px that a line's points may lie off
 
 
@@ -236,7 +237,7 @@ def straightness(image: Grey) -> tuple[float, int]:
         if len(taken) == 40 or any(_same(segment, other) for other in taken):
             continue
         d = _offsets(gx, gy, segment, strong)
-        if d is not None:
+        if d is not None and np.std(d) < _CURVED * np.hypot(*(segment[2:] - segment[:2])):
             taken.append(segment)
             total, points = total + float(np.sum(d**2)), points + len(d)
     return float(np.sqrt(total / points)) if len(taken) >= _FEWEST_LINES else np.nan, len(taken)

@@ -79,21 +79,39 @@ def _draw_exposures(panel: Axes, timing: ShutterTiming) -> None:
 
 def _draw_blurs(panel: Axes, sidecar: Sidecar, record: FrameRecord) -> None:
     """The trace that a point of light leaves at each point of a grid, all at one magnification."""
-    camera, timing = sidecar.settings.camera, sidecar.timing(record)
-    down, across = _GRID if camera.rows <= camera.cols else _GRID[::-1]
-    cell = min(camera.rows / down, camera.cols / across)
-    centres = [((i + 0.5) * camera.cols / across, (j + 0.5) * camera.rows / down) for j in range(down) for i in range(across)]
-    traces = [_trace(np.array(centre), sidecar, record, timing) for centre in centres]
-    reach = max(float(np.abs(trace - trace.mean(axis=0)).max()) for trace in traces)
-    half = max(2, int(np.ceil(1.1 * reach)) + 1)  # px from a trace's middle to the edge of its tile
-    for (x, y), trace in zip(centres, traces, strict=True):
-        tile = _kernel(trace - trace.mean(axis=0), half)
+    camera = sidecar.settings.camera
+    centres, tiles = psfs(sidecar, record)
+    cell = _cell(sidecar)
+    half = tiles.shape[-1] // 2
+    for (x, y), tile in zip(centres, tiles, strict=True):
         extent = (x - 0.44 * cell, x + 0.44 * cell, y + 0.44 * cell, y - 0.44 * cell)
         panel.imshow(tile, cmap="gray_r", extent=extent, interpolation="nearest", vmin=0, vmax=tile.max())
         panel.add_artist(_frame(extent))
     panel.set(xlim=(0, camera.cols), ylim=(camera.rows, 0), aspect="equal", xlabel="column", ylabel="row")
     panel.spines["top"].set_visible(True)
     panel.set_title(f"blur across the frame; each tile is {2 * half + 1} px wide", fontsize=10)
+
+
+def psfs(sidecar: Sidecar, record: FrameRecord) -> tuple[list[tuple[float, float]], Float[np.ndarray, "tiles k k"]]:
+    """Where the points of a grid stand in the frame, and the trace that a point of light leaves there, all at one magnification."""
+    camera, timing = sidecar.settings.camera, sidecar.timing(record)
+    down, across = grid(sidecar)
+    centres = [((i + 0.5) * camera.cols / across, (j + 0.5) * camera.rows / down) for j in range(down) for i in range(across)]
+    traces = [_trace(np.array(centre), sidecar, record, timing) for centre in centres]
+    reach = max(float(np.abs(trace - trace.mean(axis=0)).max()) for trace in traces)
+    half = max(2, int(np.ceil(1.1 * reach)) + 1)  # px from a trace's middle to the edge of its tile
+    return centres, np.stack([_kernel(trace - trace.mean(axis=0), half) for trace in traces])
+
+
+def grid(sidecar: Sidecar) -> tuple[int, int]:
+    """Points down and across at which blurs are drawn."""
+    camera = sidecar.settings.camera
+    return _GRID if camera.rows <= camera.cols else (_GRID[1], _GRID[0])
+
+
+def _cell(sidecar: Sidecar) -> float:
+    camera, (down, across) = sidecar.settings.camera, grid(sidecar)
+    return min(camera.rows / down, camera.cols / across)
 
 
 def _frame(extent: tuple[float, float, float, float]):
