@@ -24,7 +24,7 @@ from rsvideo.physics.gyro import MOST_SAMPLES, GyroLog, check_axes
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 MOST_BYTES = 256_000_000
-_FIRST_LINES = ("GYROFLOW IMU LOG", "CAMERA IMU LOG")
+FIRST_LINES = ("GYROFLOW IMU LOG", "CAMERA IMU LOG")
 _MOST_KEYS = 50
 _LONGEST = 80  # characters of a value that is written; Gyroflow looks for the header in the first 500 bytes
 _TICK = 1e-6  # seconds, in which times are written
@@ -104,7 +104,7 @@ def encode(
         "tscale": f"{_TICK:f}",
         "gscale": "1.0",
     }
-    lines = [_FIRST_LINES[0], *(f"{key},{value}" for key, value in header.items()), "t,gx,gy,gz"]
+    lines = [FIRST_LINES[0], *(f"{key},{value}" for key, value in header.items()), "t,gx,gy,gz"]
     lines += [f"{tick:.0f},{x:.9g},{y:.9g},{z:.9g}" for tick, (x, y, z) in zip(ticks.tolist(), turning.tolist(), strict=True)]
     return ("\n".join(lines) + "\n").encode()
 
@@ -112,8 +112,8 @@ def encode(
 def read(path: Path) -> Recording:
     """The log in a file, its rates in the camera's axes."""
     lines = read_whole(path, most=MOST_BYTES).decode("utf-8-sig", "replace").splitlines()
-    if lines[0].strip() not in _FIRST_LINES:
-        raise UnreadableError(f"{path}:1: must be {_FIRST_LINES[0]}, got {lines[0][:40]!r}; is it another kind of log?")
+    if lines[0].strip() not in FIRST_LINES:
+        raise UnreadableError(f"{path}:1: must be {FIRST_LINES[0]}, got {lines[0][:40]!r}; is it another kind of log?")
     header, first = _header(path, lines)
     try:
         orientation = header.get("orientation", _DEFAULT_ORIENTATION)

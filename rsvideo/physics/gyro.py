@@ -1,10 +1,11 @@
 """From a gyroscope's log to the path of a frame."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.camera import Intrinsics
@@ -70,10 +71,19 @@ def parse(text: str, *, axes: str = "XYZ") -> GyroLog:
         raise ValueError("the gyro log is empty; its lines are `t_ns wx wy wz`")
     if max(stamps) - min(stamps) > 10**16:
         raise ValueError(f"a gyro log spans at most {10**16} ns, got {max(stamps) - min(stamps)}; are its times in nanoseconds?")
-    order = ["XYZ".index(letter) for letter in axes.upper()]
-    sign = np.array([1.0 if letter.isupper() else -1.0 for letter in axes])
     times = np.array([stamp - stamps[0] for stamp in stamps], float) * 1e-9
-    return GyroLog(times=times, rates=np.array(rates)[:, order] * sign)
+    return facing(GyroLog(times=times, rates=np.array(rates)), axes)
+
+
+def facing(log: GyroLog, axes: str) -> GyroLog:
+    """A gyroscope's log in the camera's axes; see `parse`."""
+    return replace(log, rates=log.rates @ camera_from_gyro(axes).T)
+
+
+def camera_from_gyro(axes: str) -> Float[np.ndarray, "3 3"]:
+    """The signed permutation that `axes` names; see `parse`."""
+    check_axes(axes)
+    return np.array([[(1.0 if letter.isupper() else -1.0) * (letter.upper() == axis) for axis in "XYZ"] for letter in axes])
 
 
 def check_axes(axes: str) -> None:
@@ -111,6 +121,16 @@ def integrate(log: GyroLog, *, start: float, duration: float, steps: int) -> Flo
         poses.append(pose)
     path = Rotation.concatenate(poses)
     return (path[steps // 2].inv() * path).as_rotvec()
+
+
+def integrals(log: GyroLog) -> CubicHermiteSpline:
+    """Of pitch, yaw and roll rate from the log's beginning, each by itself, as functions of time.
+
+    Over the angles of a frame or between neighbours, differences are rotation vectors in the camera of that time, to first order.
+    """
+    gaps = np.diff(log.times)[:, None]
+    so_far = np.vstack([np.zeros(3), np.cumsum(0.5 * gaps * (log.rates[1:] + log.rates[:-1]), axis=0)])
+    return CubicHermiteSpline(log.times, so_far, log.rates)
 
 
 def path(log: GyroLog, *, camera: Intrinsics, start: float, duration: float) -> Trajectory:

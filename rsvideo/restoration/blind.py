@@ -13,7 +13,7 @@ from jaxtyping import Float
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Trajectory, centred, still
+from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit, still
 from rsvideo.restoration import deblur as latent_update
 from rsvideo.restoration import initialise, motion, strips, tracing
 from rsvideo.restoration.alternation import PaperSettings, alternate
@@ -27,6 +27,8 @@ WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the o
 TRIAL_COLS = 560  # and candidates are compared on so many
 HEATS = ((3, False, 4), (6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
 COSTLIEST = 2.3  # see `judge`
+TRUST = 2e-3  # in what is known of a path, against the sparsity of a picture of ENOUGH pixels or more
+ENOUGH = 30_000  # of fewer, sparsity tells less
 SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
 SHARP_KERNEL = 2.0  # px; kernels of sharp strips are found about 1.8 px long, for the latent image has hard edges
 
@@ -66,6 +68,21 @@ class Iterate:
     latent: np.ndarray | None
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """A trajectory that is known to some extent."""
+
+    trajectory: Trajectory
+    drift: float  # px over the frame's interval, that it may be wrong by
+    share: float  # and of its own length
+
+    def along(self, timing: ShutterTiming) -> "Known":
+        """The same along the scanlines, for one in image axes."""
+        axes = self.trajectory.coefficients.shape[1]
+        turn = timing.direction.pose_from_scanlines[:axes, :axes]
+        return replace(self, trajectory=self.trajectory.with_coefficients(self.trajectory.coefficients @ turn))
+
+
 def ignore(_: Iterate) -> None:
     """Watch nothing."""
 
@@ -78,10 +95,12 @@ def restore(
     *,
     timing_source: str = "explicit",
     trajectory: Trajectory | None = None,
+    start: "Known | None" = None,
     observe: Callable[[Iterate], None] = ignore,
 ) -> FrameResult:
     """The latent image of `frame` at the pose of the middle of its interval, blind unless a trajectory is given.
 
+    What is known of the trajectory, as a gyroscope's word, can be given as the `start` of the blind method in place of its own.
     Trajectories, given and returned, are in image axes. Where the verdict is not RESTORED the latent image is the frame's own.
     """
     started = time.monotonic()
@@ -96,7 +115,8 @@ def restore(
     elif (scene := _scene(view, settings)).gradient_power < max(1e-7, 8 * scene.noise**2):
         verdict = Verdict.NO_TEXTURE
     else:
-        for iterate in estimate(scene, settings):
+        states = estimate(scene, settings) if start is None else corrected(scene, start.along(timing), settings)
+        for iterate in states:
             path = iterate.trajectory
             observe(iterate)
         assert path is not None
@@ -239,6 +259,26 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     winner = min(runners, key=lambda r: r.value + 0.05 * math.log(motion.energy(part, r.trajectory)))
     best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8).trajectory
     yield Iterate(stage="path", fraction=0.75, trajectory=best, latent=None)
+
+
+def corrected(scene: Scene, start: Known, settings: Settings) -> Iterator[Iterate]:
+    """The known trajectory, and a polynomial beside it as far as it may be wrong, found by the picture's sparsity."""
+    given = start.trajectory
+    t = np.linspace(*scene.timing.interval, 129)
+    first = fit(still(scene.timing.interval, degree=settings.degree, axes=given.coefficients.shape[1]), t, given.at(t))
+    poses = first.at(t)
+    length = float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())
+    unit = np.array([1, 1, 1 / scene.intrinsics.fx])[: poses.shape[1]]
+    spread = 0.35 * (start.drift + start.share * length) * np.tile(unit, settings.degree)
+    part = windowed(scene, WINDOW_COLS)
+    weight = TRUST * max(1.0, ENOUGH / part.frame.size)
+    prior = Prior(mean=first.coefficients[1:], curvature=np.diag(spread**-2), weight=weight)
+    part = replace(part, samples=max(part.samples, math.ceil(longest(part.timing, first))))
+    yield Iterate(stage="path", fraction=0.1, trajectory=given, latent=None)
+    best = motion.refine(part, first, prior, ridge=part.ridge, steps=16).trajectory
+    finer = Spline(t0=t[0], t1=t[-1], coefficients=np.zeros((max(64, len(given.coefficients)), poses.shape[1])))
+    t = np.linspace(*scene.timing.interval, 4 * len(finer.coefficients))
+    yield Iterate(stage="path", fraction=0.75, trajectory=fit(finer, t, given.at(t) + best.at(t) - first.at(t)), latent=None)
 
 
 def _alternated(scene: Scene, start: Trajectory, settings: Settings) -> Iterator[Iterate]:

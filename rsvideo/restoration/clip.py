@@ -80,6 +80,13 @@ def _polynomial(timing: ShutterTiming, axes: int, terms: int = TERMS) -> Polynom
     return still(timing.interval, degree=terms - 1, axes=axes)
 
 
+def blank(begins: Float[np.ndarray, " frames"], timing: ShutterTiming, axes: int) -> Spline:
+    """The spline over all frames, at rest."""
+    start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
+    terms = 3 + max(1, int(np.ceil((end - start) / timing.interval[1] * KNOTS)))
+    return Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
+
+
 def follow(
     tracks: Sequence[Tracks],
     begins: Float[np.ndarray, " frames"],
@@ -87,35 +94,65 @@ def follow(
     intrinsics: Intrinsics,
     axes: int,
     *,
+    known: Path | None = None,
     backwards: Sequence[int] = (),
 ) -> Path:
-    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion.
+    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion, or about a known one.
 
     Frames whose index is among `backwards` were read from the last scanline to the first.
     """
-    start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
-    terms = 3 + max(1, int(np.ceil((end - start) / timing.interval[1] * KNOTS)))
-    path = Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
+    path = known.spline if known else blank(begins, timing, axes)
     back = [k in backwards for k in range(len(begins))]
     pairs = [_Pair.of(t, begins[k : k + 2], back[k : k + 2], timing, intrinsics, path) for k, t in enumerate(tracks) if len(t.before)]
-    steps = np.arange(start, end - timing.interval[1] + 1e-9, timing.interval[1] / 2)
-    projections = [windows(path, t, timing)[1:] for t in steps]
-    unit = np.array([1, 1, 1 / intrinsics.fx])[:axes]
-    precision, reaches = np.eye(terms * axes), np.full(len(steps), 8.0 * timing.exposure / timing.interval[1])
+    windowed = _Windows.of(path, timing, intrinsics)
+    prior = known.precision if known else windowed.precision(np.full(len(windowed.begins), 8.0 * timing.exposure / timing.interval[1]))
+    mean, precision = path.coefficients.ravel(), prior
     for _ in range(ROUNDS):
-        precision = np.diag(np.tile(1e-6 / unit**2, terms))  # where the path begins is free
-        right = np.zeros(terms * axes)
+        precision, right = prior.copy(), prior @ mean
         for pair in pairs:
             normal, b = pair.system(path.coefficients)
             precision += normal
             right += b
-        for m, reach in zip(projections, reaches, strict=True):
-            spread = shake_spread(TERMS - 1, timing)[:, None] * reach * unit
-            for a in range(axes):
-                precision[a::axes, a::axes] += STIFFNESS * m.T @ (m / spread[:, a, None] ** 2)
-        path = path.with_coefficients(np.linalg.solve(precision, right).reshape(terms, axes))
-        reaches = np.array([_reach(path, t, timing) for t in steps])
+        path = path.with_coefficients(np.linalg.solve(precision, right).reshape(path.coefficients.shape))
+        if not known:
+            prior = windowed.precision(np.array([_reach(path, t, timing) for t in windowed.begins]))
     return Path(spline=path, precision=precision)
+
+
+def trusted(path: Spline, timing: ShutterTiming, intrinsics: Intrinsics, *, drift: float, share: float) -> Path:
+    """A path that is known within each frame to `drift` px and a `share` of its length there; where it begins is free."""
+    windowed = _Windows.of(path, timing, intrinsics)
+    reaches = np.array([_reach(path, t, timing) for t in windowed.begins])
+    return Path(spline=path, precision=windowed.precision(drift * timing.exposure / timing.interval[1] + share * reaches))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Windows:
+    """A path cut into overlapping pieces as long as a frame's interval, and how each of them moves."""
+
+    begins: Float[np.ndarray, " pieces"]
+    moves: list[np.ndarray]  # coefficients of the path to those of the polynomial, without the constant
+    spread: Float[np.ndarray, "degrees axes"]  # of these, for a path of 1 px an exposure
+
+    @classmethod
+    def of(cls, path: Spline, timing: ShutterTiming, intrinsics: Intrinsics) -> "_Windows":
+        duration = timing.interval[1]
+        begins = np.arange(path.t0, path.t1 - duration + 1e-9, duration / 2)
+        unit = np.array([1, 1, 1 / intrinsics.fx])[: path.coefficients.shape[1]]
+        return cls(
+            begins=begins,
+            moves=[windows(path, t, timing)[1:] for t in begins],
+            spread=shake_spread(TERMS - 1, timing)[:, None] * unit,
+        )
+
+    def precision(self, reaches: Float[np.ndarray, " pieces"]) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Of the path's coefficients, row by row, if each piece moves by `reaches` px an exposure; where it begins is free."""
+        axes, unit = self.spread.shape[1], self.spread[0] / self.spread[0, 0]
+        out = np.diag(np.tile(1e-6 / unit**2, self.moves[0].shape[1]))
+        for m, reach in zip(self.moves, reaches, strict=True):
+            for a in range(axes):
+                out[a::axes, a::axes] += STIFFNESS * m.T @ (m / (reach * self.spread[:, a, None]) ** 2)
+        return out
 
 
 def _reach(path: Spline, begins: float, timing: ShutterTiming) -> float:
@@ -256,9 +293,10 @@ def seen(
     return Run(begins=np.array(begins), scenes=scenes, links=links, timing=timing, intrinsics=intrinsics, axes=axes)
 
 
-def tracked(run: Run) -> Path:
-    """The path that the points between the frames show, along the scanlines."""
-    return follow(run.links, run.begins, _upright(run.timing), intrinsics_along(run.intrinsics, run.timing), run.axes)
+def tracked(run: Run, known: Path | None = None) -> Path:
+    """The path that the points between the frames show, along the scanlines; about a `known` one if there is."""
+    camera = intrinsics_along(run.intrinsics, run.timing)
+    return follow(run.links, run.begins, _upright(run.timing), camera, run.axes, known=known)
 
 
 def sharpened(run: Run, path: Path, known: Bool[np.ndarray, " frames"]) -> Path:

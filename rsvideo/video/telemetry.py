@@ -10,6 +10,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from array import array
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,12 +46,21 @@ def available() -> bool:
 
 def read(path: Path) -> Telemetry:
     """What a clip's maker embedded; nothing where none of it is understood."""
+    text = told(path, "facts", _MOST_BYTES)
+    with contextlib.suppress(ValueError):
+        if isinstance(found := json.loads(text), dict):
+            return _checked(found)
+    return Telemetry()
+
+
+def told(path: Path, what: str, most: int) -> bytes:
+    """What another process says of a clip, `facts` or the `gyroscope`'s log, in at most so many bytes; nothing if it fails."""
     if not available():
         raise UnavailableError("telemetry-parser is not installed; pip install 'rsvideo[gyro]' brings it")
     with tempfile.TemporaryFile() as answer:
         try:
             done = subprocess.run(
-                [sys.executable, "-P", "-m", __name__, str(path.absolute())],
+                [sys.executable, "-P", "-m", __name__, what, str(most), str(path.absolute())],
                 stdin=subprocess.DEVNULL,
                 stdout=answer,
                 stderr=subprocess.DEVNULL,
@@ -60,11 +70,7 @@ def read(path: Path) -> Telemetry:
         except subprocess.TimeoutExpired as error:
             raise UnavailableError(f"reading it took more than {SECONDS} s") from error
         answer.seek(0)
-        text = answer.read(_MOST_BYTES)
-    with contextlib.suppress(ValueError):
-        if not done.returncode and isinstance(found := json.loads(text), dict):
-            return _checked(found)
-    return Telemetry()
+        return b"" if done.returncode else answer.read(most)
 
 
 def _checked(found: Mapping[str, Any]) -> Telemetry:
@@ -117,31 +123,44 @@ def _numbers(values: object) -> list[float]:
     return [value for value in values if isinstance(value, int | float) and math.isfinite(value)] if isinstance(values, list) else []
 
 
-def _limit() -> None:
+def _turning(samples: Iterable[Mapping[str, Any]]) -> bytes:
+    """Time in ms and three rates in degrees/s of each sample, as doubles."""
+    table = array("d")
+    for sample in samples:
+        if sample.get("gyro") is not None:
+            table.extend((sample["timestamp_ms"], *sample["gyro"]))
+    return table.tobytes()
+
+
+def _limit(most: int) -> None:
     with contextlib.suppress(ImportError, ValueError, OSError):  # there is no such module on Windows
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
-        resource.setrlimit(resource.RLIMIT_FSIZE, (_MOST_BYTES, _MOST_BYTES))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _answer(path: str) -> None:
+def _answer(what: str, most: str, path: str) -> None:
     """The other process: read, and write what was found on standard output."""
     answer = os.dup(1)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)  # the parser's own remarks
-    _limit()
+    _limit(int(most))
     parser: Any = importlib.import_module("telemetry_parser")  # compiled, and without types
 
     with tempfile.TemporaryDirectory() as alone:  # away from logs beside the clip, which the parser would take for the clip's own
         link = Path(alone) / f"clip{Path(path).suffix}"
         link.symlink_to(path)
         clip = parser.Parser(str(link))
-        found = {"make": clip.camera, "model": clip.model, **_gathered(clip.telemetry())}
-    os.write(answer, json.dumps(found).encode())
+        if what == "gyroscope":
+            found = _turning(clip.normalized_imu())
+        else:
+            found = json.dumps({"make": clip.camera, "model": clip.model, **_gathered(clip.telemetry())}).encode()
+    with os.fdopen(answer, "wb") as out:
+        out.write(found)
 
 
 if __name__ == "__main__":
-    _answer(sys.argv[1])
+    _answer(*sys.argv[1:])

@@ -11,7 +11,7 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
-from rsvideo.restoration.blind import Iterate, Settings, restore
+from rsvideo.restoration.blind import Iterate, Known, Settings, restore
 
 ROWS, COLS = 80, 120
 CAMERA = Intrinsics(fx=310.0, fy=280.0, cx=63.0, cy=35.0, rows=ROWS, cols=COLS)
@@ -140,3 +140,30 @@ def test_the_work_can_be_watched_from_its_start_to_its_end(blindly):
     assert fractions[-1] == 1
     assert seen[-1].latent is not None
     np.testing.assert_array_equal(seen[-1].latent, result.latent)
+
+
+@pytest.mark.parametrize("way", [Direction.TOP_TO_BOTTOM, Direction.RIGHT_TO_LEFT])
+def test_a_path_that_is_known_to_some_extent_is_corrected(way):
+    camera = Intrinsics.centred(focal=300.0, rows=130, cols=190)
+    timing = shutter(way, camera)
+    true = path(timing, np.array([[0.0, 0.0, 0.0], [4.0, -3.0, 0.01], [1.0, 1.5, -0.003]]))
+    case = taken(timing, true, camera)
+    wrong = path(timing, true.coefficients * 1.25 + np.array([[0, 0, 0], [0.3, 0.3, 0], [0, 0, 0]]))
+    settings = replace(KNOWN, degree=3)
+    plain = restore(frame(case.blurred), timing, camera, settings, trajectory=wrong)
+    better = restore(frame(case.blurred), timing, camera, settings, start=Known(trajectory=wrong, drift=0.5, share=0.1))
+    t = np.linspace(*timing.interval, 40)
+    apart = [np.sqrt(((r.trajectory.at(t) - true.at(t))[:, :2] ** 2).sum(axis=1).mean()) for r in (plain, better)]
+    assert apart[1] < 0.7 * apart[0]
+    assert psnr(better.latent, case.truth) > psnr(plain.latent, case.truth) + 3
+    assert better.verdict is Verdict.RESTORED
+
+
+def test_finer_motion_than_the_correction_is_kept():
+    timing = shutter(Direction.TOP_TO_BOTTOM)
+    fine = np.zeros((12, 3))
+    fine[1], fine[11] = (5.0, 2.0, 0.0), (0.4, -0.4, 0.0)
+    true = path(timing, fine)
+    result = restore(frame(taken(timing, true).blurred), timing, CAMERA, KNOWN, start=Known(trajectory=true, drift=0.02, share=0.0))
+    t = np.linspace(*timing.interval, 200)
+    assert np.abs((result.trajectory.at(t) - true.at(t))[:, :2]).max() < 0.2
