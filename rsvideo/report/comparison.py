@@ -329,8 +329,27 @@ def as_csv(comparison: Comparison) -> bytes:
     return text.getvalue().encode()
 
 
+def all_csv(comparisons: Sequence[Comparison]) -> bytes:
+    """The lines of several comparisons, each beginning with its title."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    for n, comparison in enumerate(comparisons):
+        header, *lines = csv.reader(io.StringIO(as_csv(comparison).decode()))
+        rows.writerows(([["input", *header]] if n == 0 else []) + [[comparison.title, *line] for line in lines])
+    return text.getvalue().encode()
+
+
+def all_json(comparisons: Sequence[Comparison]) -> bytes:
+    """Several comparisons in one file."""
+    return (json.dumps({"version": 1, "inputs": [_told(each) for each in comparisons]}, indent=1, ensure_ascii=False) + "\n").encode()
+
+
 def as_json(comparison: Comparison) -> bytes:
     """The same numbers, their means, and where they come from."""
+    return (json.dumps(_told(comparison), indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def _told(comparison: Comparison) -> dict[str, object]:
 
     def entry(each: Entry) -> dict[str, object]:
         return {
@@ -349,7 +368,7 @@ def as_json(comparison: Comparison) -> bytes:
             ],
         }
 
-    told = {
+    return {
         "version": 1,
         "source": comparison.source,
         "truth": comparison.truth,
@@ -366,7 +385,6 @@ def as_json(comparison: Comparison) -> bytes:
         "provenance": dict(comparison.provenance),
         "notes": comparison.notes,
     }
-    return (json.dumps(told, indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def _number(value: float | None) -> float | None:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from urllib.parse import quote
 
 import cv2
 import numpy as np
@@ -112,6 +113,24 @@ def render(comparison: Comparison) -> bytes:
         size=_size(comparison),
     )
     return html.encode()
+
+
+def index(title: str, comparisons: Sequence[tuple[str, Comparison]]) -> bytes:
+    """A page that leads to those of several comparisons, by the names of their folders."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    style = Markup(_text("page.css"))
+    parts = [
+        {
+            "href": quote(f"{name}/index.html"),
+            "title": comparison.title,
+            "words": summary(comparison),
+            "picture": _data(comparison.looks[comparison.key].thumbnail, "image/webp"),
+            "size": _size(comparison),
+        }
+        for name, comparison in comparisons
+    ]
+    policy = f"default-src 'none'; img-src data:; style-src '{_hash(style)}'; base-uri 'none'; form-action 'none'"
+    return environment.from_string(_text("index.html.j2")).render(title=title, policy=policy, style=style, parts=parts).encode()
 
 
 def _text(name: str) -> str:
