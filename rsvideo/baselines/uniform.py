@@ -23,7 +23,7 @@ from rsvideo.restoration.motion import Scene
 
 SIZES = (31, 47, 69)  # kernel sizes tried in turn while the blur fills the smaller one
 KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be told more sharply than a strip's
-    ridge=0.002, sparsity=1.0, last_sparsity=0.05, finest_steps=10, floor=0.02, piece=0.1
+    ridge=0.002, sparsity=1.0, last_sparsity=0.3, finest_steps=10, floor=0.02, piece=0.1, border=True
 )
 
 

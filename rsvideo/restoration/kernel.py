@@ -29,6 +29,7 @@ class KernelSettings:
     finest_beta: float = 1e4  # where half-quadratic splitting ends
     beta_factor: float = 2.0
     floor: float = 0.05  # kernel values below this share of its largest are noise
+    border: bool = False  # leave out, at the finest scale and of images 8 times as large, half a kernel along the sides
     piece: float = 1.0  # pieces apart from the main one are noise below this share of the whole
 
 
@@ -55,10 +56,56 @@ def l0_latent(
     return latent
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observation:
+    """What a kernel is estimated from: an image joined to its own other side, and its gradients where it is itself."""
+
+    image: Float[np.ndarray, "rows cols"]
+    inside: Float[np.ndarray, "rows cols"]  # 1 on the image, 0 on what joins it
+    trusted: Float[np.ndarray, "rows cols"]  # 1 where the latent image can tell the kernel
+    gradients: list[Float[np.ndarray, "rows cols"]]  # of the image; 0 elsewhere
+
+    @property
+    def mean_square(self) -> float:
+        """Of the gradients."""
+        return float(sum((d * d).sum() for d in self.gradients) / self.inside.sum())
+
+
+def observation(image: Float[np.ndarray, "rows cols"], margin: int, *, border: int = 0) -> Observation:
+    """The image with room for a blur of `margin` px, trusted from `border` px inside its sides."""
+    padded = wrapped(image, margin)
+    inside = np.zeros(padded.shape, np.float32)
+    inside[: image.shape[0], : image.shape[1]] = 1
+    inside = cv2.erode(inside, np.ones((3, 3)), borderValue=0)
+    trusted = cv2.erode(inside, np.ones((2 * border + 1, 2 * border + 1)), borderValue=0)
+    return Observation(image=padded, inside=inside, trusted=trusted, gradients=[d * inside for d in _gradients(padded)])
+
+
+def strong_gradients(
+    seen: Observation, kernel: Float[np.ndarray, "k k"], weight: float, settings: KernelSettings
+) -> list[Float[np.ndarray, "rows cols"]]:
+    """The latent image's gradients where they are worth their L0 penalty; all of them where none is."""
+    latent = _gradients(l0_latent(seen.image, kernel, weight, settings))
+    keep = seen.trusted * (latent[0] ** 2 + latent[1] ** 2 > weight)
+    if not keep.any():
+        keep = seen.inside
+    return [g * keep for g in latent]
+
+
 def kernel_from_gradients(
     blurred: list[Float[np.ndarray, "rows cols"]], latent: list[Float[np.ndarray, "rows cols"]], size: int, settings: KernelSettings
 ) -> Float[np.ndarray, "size size"]:
     """argmin_k sum |k * g - h|^2 + ridge |k|^2 over k >= 0, sum k = 1, for pairs of gradient images (h, g)."""
+    matrix, linear, zero = correlations(blurred, latent, size)
+    matrix, linear = matrix / zero, linear / zero
+    matrix[np.diag_indices(size * size)] += settings.ridge
+    return simplex_program(matrix, linear).reshape(size, size)
+
+
+def correlations(
+    blurred: list[Float[np.ndarray, "rows cols"]], latent: list[Float[np.ndarray, "rows cols"]], size: int
+) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, " n"], float]:
+    """A and c of sum |k * g - h|^2 = k^T A k - 2 c^T k + const over the n = size^2 values of k, and A's diagonal."""
     shape = latent[0].shape
     power = np.zeros((shape[0], shape[1] // 2 + 1), np.float32)
     cross = np.zeros(power.shape, np.complex64)
@@ -69,15 +116,13 @@ def kernel_from_gradients(
     half = size // 2
     auto = np.roll(_image(power, shape), (size - 1, size - 1), (0, 1))[: 2 * size - 1, : 2 * size - 1]
     linear = np.roll(_image(cross, shape), (half, half), (0, 1))[:size, :size]
-    zero = max(float(auto[size - 1, size - 1]), 1e-12)
     index = np.arange(size)
     offset = index[:, None] - index[None] + size - 1
-    matrix = auto[offset[:, None, :, None], offset[None, :, None, :]].reshape(size * size, size * size) / zero
-    matrix[np.diag_indices(size * size)] += settings.ridge
-    return _simplex_program(matrix.astype(np.float32), (linear / zero).ravel().astype(np.float32)).reshape(size, size)
+    matrix = auto[offset[:, None, :, None], offset[None, :, None, :]].reshape(size * size, size * size)
+    return matrix.astype(np.float32), linear.ravel().astype(np.float32), max(float(auto[size - 1, size - 1]), 1e-12)
 
 
-def _simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray, " n"], steps: int = 150) -> Float[np.ndarray, " n"]:
+def simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray, " n"], steps: int = 150) -> Float[np.ndarray, " n"]:
     """argmin x^T A x / 2 - c^T x over x >= 0 by accelerated projected gradients, then scaled to sum 1."""
     v, largest = np.ones(len(linear), np.float32), 0.0
     for _ in range(12):  # largest eigenvalue by the power method
@@ -135,23 +180,14 @@ def estimate(image: Float[np.ndarray, "rows cols"], size: int, settings: KernelS
         else:
             kernel = np.maximum(cv2.resize(kernel, (k, k), interpolation=cv2.INTER_LINEAR), 0)
             kernel = centre(kernel / kernel.sum())
-        padded = wrapped(scaled, k)
-        inside = np.zeros(padded.shape, np.float32)
-        inside[: scaled.shape[0], : scaled.shape[1]] = 1
-        inside = cv2.erode(inside, np.ones((3, 3)), borderValue=0)
-        blurred = [d * inside for d in _gradients(padded)]
-        mean_square = float(sum((d * d).sum() for d in blurred) / inside.sum())
+        away = settings.border and k == size and 8 * k <= min(image.shape)  # there the image holds but a part of the blur
+        seen = observation(scaled, k, border=k // 2 if away else 0)
         steps = settings.finest_steps if k == size else settings.steps
         fall = settings.last_sparsity / settings.sparsity if k == size else 1.0
         for step in range(steps):
-            weight = settings.sparsity * fall ** ((step + 1) / steps) * mean_square
-            latent = l0_latent(padded, kernel, weight, settings)
-            gradients = _gradients(latent)
-            strength = gradients[0] ** 2 + gradients[1] ** 2
-            keep = inside * (strength > weight)
-            if not keep.any():
-                keep = inside
-            kernel = clean(kernel_from_gradients(blurred, [g * keep for g in gradients], k, settings), settings.floor, settings.piece)
+            weight = settings.sparsity * fall ** ((step + 1) / steps) * seen.mean_square
+            edges = strong_gradients(seen, kernel, weight, settings)
+            kernel = clean(kernel_from_gradients(seen.gradients, edges, k, settings), settings.floor, settings.piece)
         yield kernel
 
 

@@ -79,7 +79,7 @@ def test_under_the_same_kernel_everywhere_nobody_sees_the_blocks(block_rows):
 
 def test_where_the_blur_turns_over_the_frame_blocks_gain_more_than_one_kernel():
     truth = cards(240, 128)
-    upper, lower = taken(streak(6, 0), truth), taken(streak(0, 6), truth)
+    upper, lower = taken(streak(4, 0), truth), taken(streak(0, 4), truth)
     pixels = np.vstack([upper[:120], lower[120:]])
     one, many = (method(frame(pixels), shutter(240), SETTINGS) for method in (uniform.restored, stitch.restored))
     assert psnr(many.latent, truth) > psnr(pixels, truth) + 1
