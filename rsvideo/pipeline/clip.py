@@ -20,13 +20,16 @@ from pydantic import BaseModel
 from rsvideo.config import gcsv, sidecar
 from rsvideo.config import motion as motion_file
 from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.config.method import GyroFile, Method, check_gyro
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
-from rsvideo.physics.trajectory import Trajectory, still
-from rsvideo.pipeline import known, output
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.pipeline import known, methods, output, recorded
+from rsvideo.pipeline.methods import Treatment
+from rsvideo.pipeline.recorded import Gyro
 from rsvideo.restoration import clip as clip_motion
 from rsvideo.restoration import steady, timing
 from rsvideo.restoration.blind import Settings
@@ -58,7 +61,9 @@ class ClipJob:
     focal_px: float | None
     transfer: str | None
     trajectory: Path | None  # motion that is given
-    method: Literal["rsvideo", "none"]
+    method: Method
+    block_rows: int | None  # of the method stitch
+    gyro: GyroFile  # of the methods that follow one
     steering: Mapping[str, Any]  # the core's settings under their names; those left out have their defaults
     encoding: Mapping[str, Any]  # codec, quality, pixel_format
     path: Literal["keep", "smooth"]  # of the camera, in what is written
@@ -79,6 +84,7 @@ class ClipTask:
     resolved: timing.Resolved
     camera: sidecar.Camera
     settings: Settings
+    gyro: Gyro | None
     encoding: Encoding
     first: int  # frames [first, last) are restored
     last: int
@@ -115,14 +121,27 @@ class ClipTask:
         return self.job.output.with_suffix(".rsvideo.json")
 
     @property
-    def gyro(self) -> Path:
+    def log(self) -> Path:
         """Where the motion goes as a gyroscope's log."""
         return self.job.output.with_suffix(".gcsv")
+
+    @property
+    def treatment(self) -> Treatment:
+        """What is done to the frames."""
+        return Treatment(
+            method=self.job.method,
+            settings=self.settings,
+            block_rows=self.job.block_rows,
+            gyro=self.gyro,
+            timing=self.timing,
+            timing_source=self.timing_source,
+            intrinsics=self.camera.intrinsics,
+        )
 
     def estimate(self) -> tuple[float, int]:
         """Seconds of work and bytes of disk while it lasts, roughly."""
         pixels = self.frames * self.rows * self.cols
-        return 0.0 if self.job.method == "none" else pixels * _SECONDS_A_PIXEL, self.frames * _picture_bytes(self.stream)
+        return 0.0 if self.job.method is Method.NONE else pixels * _SECONDS_A_PIXEL, self.frames * _picture_bytes(self.stream)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +186,7 @@ def prepare(job: ClipJob) -> ClipTask:
         stream = replace(stream, colour=replace(stream.colour, transfer=clip.profile.tone, clip=clip.profile.clip))
     first, last = _span(job, stream)
     notes = clip.notes
-    if job.method == "none":
+    if job.method is Method.NONE:
         asked = timing.Asked(exposure=1e-3, readout=0.0)  # which nobody looks at
     else:
         asked = timing.Asked(
@@ -181,6 +200,8 @@ def prepare(job: ClipJob) -> ClipTask:
         )
     resolved = timing.resolve(asked, clip.shutter)
     camera = _camera(job, clip)
+    settings = Settings(**job.steering)
+    gyro = _gyro(job, stream, first, last, resolved.timing, camera.intrinsics, settings)
     encoding = Encoding(**job.encoding)
     _, _, told = chosen(job.output, stream, encoding)
     return ClipTask(
@@ -188,11 +209,12 @@ def prepare(job: ClipJob) -> ClipTask:
         stream=stream,
         resolved=resolved,
         camera=camera,
-        settings=Settings(**job.steering),
+        settings=settings,
+        gyro=gyro,
         encoding=encoding,
         first=first,
         last=last,
-        notes=(*notes, *resolved.notes, *told),
+        notes=(*notes, *resolved.notes, *((gyro.note,) if gyro else ()), *told),
     )
 
 
@@ -234,7 +256,7 @@ def _camera(job: ClipJob, clip: known.KnownClip) -> sidecar.Camera:
         focal, source = job.focal_px, "explicit"
     elif clip.focal is not None:
         focal, source = clip.focal.value, clip.focal.source
-    elif job.method == "none" or (job.steering.get("motion") == "shift" and job.trajectory is None):
+    elif not job.method.needs_lens or (job.steering.get("motion") == "shift" and job.trajectory is None):
         focal, source = float(max(rows, cols)), "assumed"
     else:
         raise ValueError(
@@ -242,6 +264,17 @@ def _camera(job: ClipJob, clip: known.KnownClip) -> sidecar.Camera:
             " for most phones, focal length / sensor's width * columns for cameras; --motion shift does without"
         )
     return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source)
+
+
+def _gyro(
+    job: ClipJob, stream: Stream, first: int, last: int, timing: ShutterTiming, camera: Intrinsics, settings: Settings
+) -> Gyro | None:
+    check_gyro(job.gyro, job.method)
+    if not job.method.recorded or job.trajectory is not None:
+        return None
+    found = recorded.read(job.gyro, job.source, timing)
+    pictures = decode.pictures(stream, first, min(last, first + recorded.LOOKED_AT), on_damage=job.on_damage)
+    return recorded.placed(job.gyro, found, (_frame(stream, p) for p in pictures), timing, camera, settings)
 
 
 def _picture_bytes(stream: Stream) -> int:
@@ -253,7 +286,7 @@ def _picture_bytes(stream: Stream) -> int:
 def chunks(task: ClipTask) -> list[Chunk]:
     """The clip cut at its changes of scene, and long scenes into equal parts; depends on the clip alone."""
     longest = max(8, min(LONGEST, MOST_BYTES // _picture_bytes(task.stream)))
-    scenes = [task.first, *(() if task.job.method == "none" else cuts.cuts(_pictures(task), task.stream.colour)), task.last]
+    scenes = [task.first, *(() if task.job.method is Method.NONE else cuts.cuts(_pictures(task), task.stream.colour)), task.last]
     out: list[Chunk] = []
     for begin, end in pairwise(scenes):
         edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()
@@ -294,47 +327,35 @@ def _results(
     task: ClipTask, pictures: list[Picture], moving: Movement, observe: Callable[[int, str, float], None]
 ) -> Iterator[FrameResult]:
     """What becomes of each picture, in order."""
-    timing, source = task.timing, task.timing_source
-    at_rest = still(timing.interval, degree=1, axes=3)
-    for damaged, run in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
-        indices = list(run)
-        frames = (_frame(task, pictures[k]) for k in indices)
-        if damaged or task.job.method == "none":
+    for damaged, some in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
+        indices = list(some)
+        frames = (_frame(task.stream, pictures[k]) for k in indices)
+        if damaged or task.job.method is Method.NONE:
             verdict = Verdict.DAMAGED if damaged else Verdict.UNTOUCHED
             for frame in frames:
-                yield FrameResult(
-                    frame=frame, timing=timing, timing_source=source, trajectory=at_rest, latent=frame.pixels, verdict=verdict, seconds=0.0
-                )
+                yield methods.untouched(task.treatment, frame, verdict)
                 observe(frame.index, "passed on", 1.0)
         else:
-            yield from clip_motion.restored(
-                frames,
-                moving.part(indices[0], indices[-1] + 1),
-                timing,
-                task.camera.intrinsics,
-                task.settings,
-                timing_source=source,
-                observe=lambda index, fraction: observe(index, "restoring", fraction),
-            )
+            part = moving.part(indices[0], indices[-1] + 1)
+            yield from methods.run(task.treatment, frames, part, lambda index, fraction: observe(index, "restoring", fraction))
 
 
-def _frame(task: ClipTask, picture: Picture) -> Frame:
-    pixels, clipped = colour.light(picture, task.stream.colour)
+def _frame(stream: Stream, picture: Picture) -> Frame:
+    pixels, clipped = colour.light(picture, stream.colour)
     return Frame(pixels=pixels, clipped=clipped, time=picture.time, index=picture.index)
 
 
 def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[int], None]) -> Movement:
     """The motion within each frame, and from each to the next."""
-    camera, axes = task.camera.intrinsics, 3
-    if task.job.method == "none" or task.settings.frames == "cold":
-        return Movement(within=[None] * len(pictures), steps=np.zeros((len(pictures), axes)), tied=[False] * len(pictures))
+    camera = task.camera.intrinsics
     if task.job.trajectory is not None:
         given, timing = task.job.trajectory, task.timing
         ways: list[Trajectory | None] = [motion_file.read(given, timing, camera, index=p.index, begins=p.time) for p in pictures]
         steps = motion_file.steps(given, camera, [(p.index, p.time + timing.middle) for p in pictures])
         tied = [step is not None for step in steps]
-        return Movement(within=ways, steps=np.array([[0.0] * axes if step is None else step for step in steps]), tied=tied)
-    return clip_motion.movement((_frame(task, p) for p in pictures), task.timing, camera, task.settings, observe)
+        return Movement(within=ways, steps=np.array([[0.0] * 3 if step is None else step for step in steps]), tied=tied)
+    begins = np.array([p.time for p in pictures])
+    return methods.movement(task.treatment, (_frame(task.stream, p) for p in pictures), begins, observe)
 
 
 def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
@@ -343,8 +364,7 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     stream, camera = task.stream, task.camera.intrinsics
     turns, enlargement = np.zeros((len(frames), 3)), 1.0
     if task.job.path == "smooth":
-        steps = np.array([frame.to_next or [0.0] * 3 for frame in frames])
-        turns, enlargement = steady.corrections(steps, float(stream.rate), camera)
+        turns, enlargement = steady.corrections([frame.to_next for frame in frames], float(stream.rate), camera)
     pictures = chain.from_iterable(
         planes.read(folder / record.file, stream, [frame.index for frame in record.frames]) for record in records
     )
@@ -364,8 +384,8 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
             writer.write(picture)
     files = {task.record: _record(task, frames).encode()}
     notes = writer.notes
-    if task.job.method != "none" and (log := _log(task, frames)):
-        files[task.gyro] = log
+    if task.job.method is not Method.NONE and (log := _log(task, frames)):
+        files[task.log] = log
     write_whole(files)
     if task.job.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)

@@ -26,7 +26,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
 WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
 TRIAL_COLS = 560  # and candidates are compared on so many
 HEATS = ((3, False, 4), (6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
-COSTLIEST = 2.3  # see `judge`
+COSTLIEST, DENSER = 2.3, 0.01  # see `judge`
 TRUST = 2e-3  # in what is known of a path, against the sparsity of a picture of ENOUGH pixels or more
 ENOUGH = 30_000  # of fewer, sparsity tells less
 SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
@@ -318,6 +318,8 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
 
     Deblurring trades blur for contrast, so the energy of Eq. (8) rises over that of the frame taken as sharp: by a factor
     of 1.3 to 1.9 along a true path; beyond `COSTLIEST` the frame holds detail that no blur along the path can have left.
+    And along a true path the latent image's edges are hardly ever less sparse than the frame's own: where they are, by more
+    than `DENSER`, the strips' kernels described the picture and not its blur.
     """
     part = windowed(scene, WINDOW_COLS)
     rest = still(part.timing.interval, degree=1, axes=2)
@@ -325,4 +327,5 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
         return Verdict.SHARP
     if motion.energy(part, path) > COSTLIEST * motion.energy(part, rest):
         return Verdict.UNEXPLAINED
-    return Verdict.RESTORED
+    moving, steady = (motion.objective(part, p, 3 * part.ridge)[0] for p in (path, path.with_coefficients(0 * path.coefficients)))
+    return Verdict.UNEXPLAINED if moving - steady > DENSER else Verdict.RESTORED

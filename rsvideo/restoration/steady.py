@@ -1,6 +1,7 @@
 """A steadier camera: the restored frames shown from a smoothed path, cropped so that no border shows."""
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -14,17 +15,21 @@ MOST_CROP = 1.25  # the largest enlargement; a path that needs more is smoothed 
 
 
 def corrections(
-    steps: Float[np.ndarray, "frames axes"], rate: float, intrinsics: Intrinsics
+    steps: Sequence[Sequence[float] | None], rate: float, intrinsics: Intrinsics
 ) -> tuple[Float[np.ndarray, "frames 3"], float]:
     """How far each restored frame is turned from the camera's pose to the smoothed one, and the enlargement that hides the borders.
 
-    `steps` lead from each frame's pose to the next; 0 at a cut.
+    `steps` lead from each frame's pose to the next; None at a cut, across which nothing is smoothed.
     """
     poses = np.zeros((len(steps), 3))
-    poses[1:, : steps.shape[1]] = np.cumsum(steps[:-1], axis=0)
+    for k, step in enumerate(steps[:-1]):
+        poses[k + 1] = poses[k] + (step or 0.0)
+    cuts = [k + 1 for k, step in enumerate(steps[:-1]) if step is None]
     around = math.ceil(4 * SMOOTHING * rate)
-    longer = np.pad(poses, ((around, around), (0, 0)), mode="reflect", reflect_type="odd")  # a pan goes on beyond the clip's ends
-    turns = gaussian_filter1d(longer, SMOOTHING * rate, axis=0)[around:-around] - poses
+    turns = np.zeros_like(poses)
+    for run, turn in zip(np.split(poses, cuts), np.split(turns, cuts), strict=True):
+        longer = np.pad(run, ((around, around), (0, 0)), mode="reflect", reflect_type="odd")  # a pan goes on beyond the run's ends
+        turn[:] = gaussian_filter1d(longer, SMOOTHING * rate, axis=0)[around:-around] - run
     most = 1 - 1 / MOST_CROP
     turns = turns * min(1.0, most / max(_overlap(turns, intrinsics), 1e-9))
     return turns, 1 / (1 - min(_overlap(turns, intrinsics), most))

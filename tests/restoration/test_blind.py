@@ -2,16 +2,19 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import skimage.data
 
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics import simulate
+from rsvideo.physics import simulate, tone
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
-from rsvideo.restoration.blind import Iterate, Known, Settings, restore
+from rsvideo.physics.tone import Transfer
+from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, still
+from rsvideo.restoration.blind import COSTLIEST, Iterate, Known, Settings, judge, observed, restore
+from rsvideo.restoration.motion import energy
 
 ROWS, COLS = 80, 120
 CAMERA = Intrinsics(fx=310.0, fy=280.0, cx=63.0, cy=35.0, rows=ROWS, cols=COLS)
@@ -167,3 +170,15 @@ def test_finer_motion_than_the_correction_is_kept():
     result = restore(frame(taken(timing, true).blurred), timing, CAMERA, KNOWN, start=Known(trajectory=true, drift=0.02, share=0.0))
     t = np.linspace(*timing.interval, 200)
     assert np.abs((result.trajectory.at(t) - true.at(t))[:, :2]).max() < 0.2
+
+
+def test_a_picture_out_of_focus_is_not_restored_along_a_path_that_it_does_not_show():
+    photograph = tone.decode(Transfer.SRGB, (skimage.data.coffee()[100:340, 60:380] / 255).astype(np.float32))
+    noise = np.random.default_rng(0).normal(0, 0.003, photograph.shape)
+    soft = frame(np.clip(cv2.GaussianBlur(photograph, (0, 0), 1.5) + noise, 0, 1).astype(np.float32))
+    timing = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=240)
+    scene = observed(soft, timing, Intrinsics.centred(focal=400, rows=240, cols=320), Settings())
+    straight = still(timing.interval, degree=2, axes=2)
+    moved = straight.with_coefficients(np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.0]]))
+    assert energy(scene, moved) < COSTLIEST * energy(scene, straight)  # the energy alone would have believed it
+    assert judge(scene, moved) is Verdict.UNEXPLAINED

@@ -11,9 +11,9 @@ RATE = 25.0
 FRAMES = 100
 
 
-def steps(poses: np.ndarray) -> np.ndarray:
+def steps(poses: np.ndarray) -> list[list[float] | None]:
     """From each pose to the next; the last leads nowhere."""
-    return np.vstack([np.diff(poses, axis=0), np.zeros((1, poses.shape[1]))])
+    return [*np.diff(poses, axis=0).tolist(), None]
 
 
 def pan(speed: float) -> np.ndarray:
@@ -35,10 +35,13 @@ def test_a_steady_camera_is_left_alone(speed: float) -> None:
     assert enlargement == pytest.approx(1)
 
 
-def test_a_path_of_two_axes_has_no_roll_to_correct() -> None:
-    turns, _ = corrections(steps(jitter(1.0)[:, :2]), RATE, CAMERA)
-    assert turns.shape == (FRAMES, 3)
-    np.testing.assert_array_equal(turns[:, 2], 0)
+def test_nothing_is_smoothed_across_a_cut() -> None:
+    before, after = jitter(2.0, 1), pan(60.0)
+    turns, _ = corrections([*steps(before), *steps(after)], RATE, CAMERA)
+    np.testing.assert_allclose(turns[:FRAMES], corrections(steps(before), RATE, CAMERA)[0], atol=1e-9)
+    np.testing.assert_allclose(turns[FRAMES:], 0, atol=1e-9)
+    alone, _ = corrections([None], RATE, CAMERA)
+    np.testing.assert_array_equal(alone, np.zeros((1, 3)))
 
 
 def test_a_jittery_path_becomes_smoother() -> None:
