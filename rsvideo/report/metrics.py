@@ -75,7 +75,7 @@ def aligned(image: Colours, truth: Colours) -> Aligned:
         lambda at: parts(at)[0],
         shift,
         method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-8, "maxiter": 25},
+        options={"initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-8, "maxiter": 14},
     ).x
     a, b = _moved(image, shift)[inside], truth[inside]
     return Aligned(image=a * image.dtype.type(_scale(a, b)), truth=b)

@@ -1,0 +1,65 @@
+"""From the words that restoring and comparing share on the command line to a job."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsvideo.pipeline.clip import ClipJob
+    from rsvideo.pipeline.job import Job
+
+_CLIPS = (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts")
+
+
+def is_clip(source: Path) -> bool:
+    """By its name: what is wrong with a file that is not what its name says is told when it is read."""
+    return source.suffix.lower() in _CLIPS or source.is_dir() or any(mark in source.name for mark in "#%*")
+
+
+def job(source: Path, output: Path, words: Mapping[str, Any]) -> "Job | ClipJob":
+    """The job for a photograph or a clip; what `words` do not say is left to the file or to the method."""
+    from rsvideo.config.method import GyroFile
+    from rsvideo.config.quantity import pixels, seconds, span
+    from rsvideo.config.yaml import meant
+    from rsvideo.physics.shutter import Direction
+    from rsvideo.physics.tone import Transfer
+
+    said = {"gyro": GyroFile(), **{name: value for name, value in words.items() if value is not None}}
+    for name in ("exposure", "readout", "row_time"):
+        if name in said:
+            said[name] = seconds(name.replace("_", "-"), said[name])
+    if "focal_px" in said:
+        said["focal_px"] = pixels("focal-px", said["focal_px"])
+    if "direction" in said:
+        said["direction"] = Direction(said["direction"])
+    if "span" in said:
+        said["span"] = span(said["span"])
+    if "transfer" in said:
+        if said["transfer"] not in set(Transfer):
+            raise ValueError(
+                f"transfer must be one of {', '.join(Transfer)}, got {said['transfer']!r}{meant(said['transfer'], list(Transfer))}"
+            )
+        said["transfer"] = Transfer(said["transfer"])
+    if is_clip(source):
+        from rsvideo.pipeline.clip import ClipJob
+
+        defaults = {"steering": {}, "encoding": {}, "path": "keep", "side_by_side": False, "on_damage": "fail", "force": False}
+        return _made(ClipJob, {**defaults, **said, "source": source, "output": output})
+    from rsvideo.pipeline.job import Job
+
+    clips_only = {"shutter_angle", "scanlines_total", "span", "rate", "force"} - {field.name for field in fields(Job)}
+    if wrong := sorted(name for name in clips_only & said.keys() if said[name]):
+        option = "range" if wrong[0] == "span" else wrong[0].replace("_", "-")
+        raise ValueError(f"--{option} concerns clips, {source} is taken for a photograph; clips are .mp4, .mov, .mkv or folders")
+    return _made(Job, {"steering": {}, **said, "source": source, "output": output})
+
+
+def _made(kind: Any, said: Mapping[str, Any]) -> Any:
+    return kind(
+        **{"overwrite": False, **{field.name: said[field.name] for field in fields(kind) if field.name in said}, **_unsaid(kind, said)}
+    )
+
+
+def _unsaid(kind: Any, said: Mapping[str, Any]) -> dict[str, None]:
+    return {field.name: None for field in fields(kind) if field.name not in said and field.name != "overwrite"}

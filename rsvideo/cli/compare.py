@@ -1,0 +1,407 @@
+"""rsvideo compare: several methods on one input, a job's clips or a folder of cases, and who wins."""
+
+import os
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from typer import Option
+
+from rsvideo.cli.deblur import Way
+from rsvideo.cli.validate import Sets, refusing
+from rsvideo.config.method import GyroFile, Method
+
+if TYPE_CHECKING:
+    from rsvideo.pipeline.attempt import Attempt
+    from rsvideo.pipeline.clip import ClipJob
+    from rsvideo.pipeline.job import Job
+    from rsvideo.report.comparison import Comparison
+    from rsvideo.report.table import Format
+
+Show = Callable[[str, float], None]
+_ALL = (
+    Method.NONE,
+    Method.RSVIDEO,
+    Method.UNIFORM,
+    Method.NONUNIFORM,
+    Method.RECTIFY,
+    Method.RECTIFY_UNIFORM,
+    Method.RECTIFY_NONUNIFORM,
+    Method.STITCH,
+    Method.GYRO,
+    Method.GYRO_REFINE,
+)
+_TABLE = (Method.NONE, Method.UNIFORM, Method.NONUNIFORM, Method.STITCH, Method.RECTIFY_UNIFORM, Method.RSVIDEO)
+_FORMATS: dict[str, "Format"] = {".md": "markdown", ".tex": "latex", ".csv": "csv"}
+
+
+def compare(
+    source: Annotated[Path | None, typer.Argument(metavar="INPUT|JOB.yaml", help="A photograph, a clip, or a job's file.")] = None,
+    output: Annotated[Path | None, Option("-o", "--output", metavar="REPORT", help="A folder; with --table, a file.")] = None,
+    methods: Annotated[
+        str | None,
+        Option(metavar="A,B,...", help=f"Of {', '.join(_ALL)}. [default: all that apply; those of --table: {', '.join(_TABLE)}]"),
+    ] = None,
+    truth: Annotated[Path | None, Option(metavar="FILE", help="What is shown when nothing blurs; then PSNR and SSIM are told.")] = None,
+    crop: Annotated[list[str] | None, Option(metavar="X,Y,W,H", help="A part to look at first; more than one may be given.")] = None,
+    table: Annotated[Path | None, Option(metavar="CASES", help="A folder of cases, with stills/NAME and clips/NAME: PSNR of each.")] = None,
+    format_: Annotated[
+        Literal["markdown", "latex", "csv"] | None, Option("--format", help="Of the table. [default: by -o's ending]")
+    ] = None,
+    results: Annotated[
+        Path | None,
+        Option(metavar="FOLDER", help="Where what the methods make is kept, and taken from. [default: results, in or beside -o]"),
+    ] = None,
+    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Methods at a time; times are fair with 1.")] = 1,
+    resume: Annotated[bool, Option("--resume/--fresh", help="Take results of the same request that are there, or make them anew.")] = True,
+    exposure: Annotated[str | None, Option(metavar="TIME", help="As of deblur, as what follows.")] = None,
+    shutter_angle: Annotated[float | None, Option(metavar="DEGREES")] = None,
+    readout: Annotated[str | None, Option(metavar="TIME")] = None,
+    row_time: Annotated[str | None, Option(metavar="TIME")] = None,
+    scanlines_total: Annotated[int | None, Option(metavar="N")] = None,
+    direction: Annotated[Way | None, Option()] = None,
+    focal_px: Annotated[str | None, Option(metavar="PX")] = None,
+    camera: Annotated[str | None, Option(metavar="NAME")] = None,
+    motion: Annotated[Literal["rotation", "shift"] | None, Option()] = None,
+    prior: Annotated[Literal["denoiser", "tv"] | None, Option()] = None,
+    frames: Annotated[Literal["together", "alone", "cold"] | None, Option()] = None,
+    transfer: Annotated[str | None, Option(metavar="CURVE")] = None,
+    trajectory: Annotated[Path | None, Option(metavar="FILE")] = None,
+    block_rows: Annotated[int | None, Option(min=16, max=100_000)] = None,
+    gyro: Annotated[Path | None, Option(metavar="FILE")] = None,
+    gyro_offset: Annotated[float | None, Option(metavar="SECONDS")] = None,
+    gyro_axes: Annotated[str | None, Option(metavar="XYZ")] = None,
+    part: Annotated[str | None, Option("--range", metavar="FROM-TO")] = None,
+    rate: Annotated[str | None, Option(metavar="FPS")] = None,
+    codec: Annotated[Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1"] | None, Option(help="Of the clips that are kept.")] = None,
+    quality: Annotated[float | None, Option(min=0, max=63)] = None,
+    force: Annotated[bool, Option("--force")] = False,
+    sets: Sets = None,
+    overwrite: Annotated[bool, Option("--overwrite", help="Replace the report, or the table.")] = False,
+    json: Annotated[bool, Option("--json", help="Print report.json on standard output.")] = False,
+) -> int:
+    """Try several methods, and show who wins and why: a page (index.html) to open, the same numbers in report.csv and report.json.
+
+    Each method runs in a process of its own, so that its time and memory are its own; one that fails is shown with its reason.
+
+    Exit codes: 0 all done; 1 a method failed; 2 the request is wrong; 3 an input is damaged or missing; 4 a report exists.
+    """
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    steering = {"motion": motion, "prior": prior, "frames": frames}
+    encoding = {"codec": codec, "quality": quality}
+    words: dict[str, Any] = {
+        "exposure": exposure,
+        "shutter_angle": shutter_angle,
+        "readout": readout,
+        "row_time": row_time,
+        "scanlines_total": scanlines_total,
+        "direction": direction,
+        "focal_px": focal_px,
+        "camera": camera,
+        "transfer": transfer,
+        "trajectory": trajectory,
+        "block_rows": block_rows,
+        "gyro": GyroFile(path=gyro, offset=gyro_offset, axes=gyro_axes),
+        "span": part,
+        "rate": rate,
+        "force": force or None,
+        "steering": {name: value for name, value in steering.items() if value is not None},
+        "encoding": {name: value for name, value in encoding.items() if value is not None},
+    }
+    with refusing():
+        wanted = None if methods is None else _methods(methods)
+        crops = [_crop(text) for text in crop or ()]
+        if output is None:
+            raise ValueError("-o must say where the report goes: a folder, or the file of the table")
+        if (source is None) == (table is None):
+            raise ValueError("one input must be given: a photograph, a clip or a job's file, or --table with a folder of cases")
+        if table is not None:
+            given = _given(words) or ("truth" if truth else "crop" if crops else None)
+            if given:
+                raise ValueError(f"--{given.replace('_', '-')} cannot be given with --table: each case says it by itself")
+            kind = format_ or _FORMATS.get(output.suffix.lower())
+            if kind is None:
+                raise ValueError(
+                    f"{output} must end in {', '.join(_FORMATS)}, it ends in {output.suffix!r}; or --format says what it holds"
+                )
+            folder = results or output.with_name(output.stem + "_results")
+            return _table(table, output, kind, wanted or _TABLE, folder, jobs=jobs, resume=resume, overwrite=overwrite)
+        assert source is not None
+        if source.suffix.lower() in (".yaml", ".yml"):
+            if given := _given(words):
+                raise ValueError(
+                    f"--{given.replace('_', '-')} cannot be given with a job's file, which says it; --set camera.exposure=1/50 does"
+                )
+            return _batch(
+                source, output, wanted, truth, crops, results, sets or (), jobs=jobs, resume=resume, overwrite=overwrite, json=json
+            )
+        if sets:
+            raise ValueError("--set is for a job's file")
+        return _one(source, output, wanted, truth, crops, results, words, jobs=jobs, resume=resume, overwrite=overwrite, json=json)
+
+
+def _given(words: dict[str, Any]) -> str | None:
+    """The first option that says something of the input."""
+    return next((name for name, value in words.items() if value and value != GyroFile()), None)
+
+
+def _own(words: dict[str, Any], method: Method) -> dict[str, Any]:
+    """What concerns a method of all that is said."""
+    return {
+        "gyro": words["gyro"] if method.recorded else GyroFile(),
+        "block_rows": words["block_rows"] if method is Method.STITCH else None,
+    }
+
+
+def _methods(text: str) -> tuple[Method, ...]:
+    from rsvideo.config.yaml import meant, shown
+
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        raise ValueError(f"--methods must name at least one method of {', '.join(_ALL)}, got {shown(text)!r}")
+    for name in names:
+        if name not in set(Method):
+            raise ValueError(f"there is no method {shown(name)}{meant(name, list(Method))}")
+    return tuple(dict.fromkeys(Method(name) for name in names))
+
+
+def _crop(text: str) -> tuple[int, int, int, int]:
+    parts = text.split(",")
+    if len(parts) != 4 or not all(part.strip().isdecimal() and len(part) < 9 for part in parts):
+        raise ValueError(f"crop must read like 120,80,160,120 (x, y, width, height in pixels), got {text!r}")
+    x, y, w, h = (int(part) for part in parts)
+    return x, y, w, h
+
+
+def _folder(output: Path, *, overwrite: bool) -> None:
+    """Make the report's folder, or refuse it."""
+    import tempfile
+
+    for name in ("index.html", "report.csv", "report.json"):
+        if (output / name).exists() and not overwrite:
+            raise FileExistsError(f"{output / name} exists already; give --overwrite to replace the report")
+    try:
+        output.mkdir(exist_ok=True)
+        tempfile.TemporaryFile(dir=output).close()
+    except OSError as error:
+        why = (
+            "it is a file" if output.is_file() else "the folder it lies in does not exist" if not output.parent.is_dir() else error.strerror
+        )
+        raise ValueError(f"the report's folder {output} must be writable: {why}; is -o right?") from error
+
+
+def _one(
+    source: Path,
+    output: Path,
+    wanted: Sequence[Method] | None,
+    truth: Path | None,
+    crops: Sequence[tuple[int, int, int, int]],
+    results: Path | None,
+    words: dict[str, Any],
+    *,
+    jobs: int,
+    resume: bool,
+    overwrite: bool,
+    json: bool,
+) -> int:
+    from rsvideo.cli import asked, quiet
+    from rsvideo.cli.progress import bar
+    from rsvideo.pipeline import compare as look
+
+    clip = asked.is_clip(source)
+    tried = wanted or _applying(clip=clip, recorded=words["gyro"] != GyroFile())
+    for name in tried:
+        if name.needs_clip and not clip:
+            raise ValueError(f"method {name} concerns clips, it sees the motion between frames; {source} is taken for a photograph")
+    kept = results or output / "results"
+    orders = [
+        asked.job(source, kept / name / _name(source), {**words, "method": name, **_own(words, name), **_encoding(source, words)})
+        for name in tried
+    ]
+    with quiet.c_libraries():
+        look.settled(orders, truth, crops)
+    _folder(output, overwrite=overwrite)
+    with bar() as show:
+        comparison, attempts = _carried_out(orders, truth, crops, show, jobs=jobs, resume=resume)
+    _write(output, comparison)
+    if json:
+        print((output / "report.json").read_text(encoding="utf-8"), end="")
+    _tell(comparison, output)
+    return _code(attempts)
+
+
+def _batch(
+    path: Path,
+    output: Path,
+    wanted: Sequence[Method] | None,
+    truth: Path | None,
+    crops: Sequence[tuple[int, int, int, int]],
+    results: Path | None,
+    sets: Iterable[str],
+    *,
+    jobs: int,
+    resume: bool,
+    overwrite: bool,
+    json: bool,
+) -> int:
+    from dataclasses import replace
+
+    from rsvideo.batch import plan
+    from rsvideo.batch.job import understood
+    from rsvideo.cli import quiet
+    from rsvideo.cli.progress import bar
+    from rsvideo.config import yaml
+    from rsvideo.config.files import write_whole
+    from rsvideo.pipeline import compare as look
+    from rsvideo.report import page
+
+    batch = plan.read(path, tuple(sets), overwrite=True)
+    report = understood(*yaml.load(path)).report
+    recorded = any(request.job.gyro != GyroFile() for request in batch.requests)
+    tried = wanted or report.methods or _applying(clip=True, recorded=recorded)
+    parts = crops or report.crops
+    works = []
+    with quiet.c_libraries():
+        for request in batch.requests:
+            source = request.job.source
+            kept = (results or output / "results") / request.job.output.stem
+            orders = [
+                replace(request.job, method=name, output=kept / name / _name(source), overwrite=True, **_own(vars(request.job), name))
+                for name in tried
+            ]
+            against = truth or report.truth_of(source)
+            look.settled(orders, against, parts)
+            works.append((request.job.output.stem, orders, against))
+    _folder(output, overwrite=overwrite)
+    done, everyone = [], []
+    with bar() as show:
+        for n, (name, orders, against) in enumerate(works):
+
+            def part(stage: str, fraction: float, n=n, name=name) -> None:
+                show(f"{name}: {stage}", (n + fraction) / len(works))
+
+            comparison, attempts = _carried_out(orders, against, parts, part, jobs=jobs, resume=resume)
+            (output / name).mkdir(exist_ok=True)
+            _write(output / name, comparison)
+            done.append((name, comparison))
+            everyone += attempts
+    write_whole({output / "index.html": page.index(path.stem, done), **_numbers(output, [comparison for _, comparison in done])})
+    if json:
+        print((output / "report.json").read_text(encoding="utf-8"), end="")
+    for name, comparison in done:
+        _tell(comparison, output / name)
+    print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
+    return _code(everyone)
+
+
+def _numbers(output: Path, comparisons: "Sequence[Comparison]") -> dict[Path, bytes]:
+    from rsvideo.report import comparison as values
+
+    return {output / "report.csv": values.all_csv(comparisons), output / "report.json": values.all_json(comparisons)}
+
+
+def _carried_out(
+    jobs_: "Sequence[Job | ClipJob]",
+    truth: Path | None,
+    crops: Sequence[tuple[int, int, int, int]],
+    show: Show,
+    *,
+    jobs: int,
+    resume: bool,
+) -> "tuple[Comparison, list[Attempt]]":
+    from rsvideo.cli import quiet
+    from rsvideo.pipeline import attempt, compare
+
+    def half(stage: str, fraction: float) -> None:
+        show(stage, 0.9 * fraction)
+
+    orders = [attempt.Order(job=job) for job in jobs_]
+    attempts = attempt.all_of(orders, most=jobs, resume=resume, quiet=quiet.wanted(), show=half)
+    for each in attempts:
+        for note in each.notes:
+            print(f"rsvideo: note: {each.method}: {note}", file=sys.stderr)
+    with quiet.c_libraries():
+        return compare.compared(
+            jobs_[0], attempts, truth=truth, crops=crops, show=lambda stage, fraction: show(stage, 0.9 + 0.1 * fraction)
+        ), attempts
+
+
+def _applying(*, clip: bool, recorded: bool) -> tuple[Method, ...]:
+    return tuple(name for name in _ALL if (clip or not name.needs_clip) and (recorded or not name.recorded))
+
+
+def _name(source: Path) -> str:
+    """Of a result, in a format that every method can write and that loses as little as the source's own."""
+    from rsvideo.cli import asked
+
+    if not asked.is_clip(source):
+        return source.stem + ".png"
+    if source.is_dir() or any(mark in source.name for mark in "#%*"):
+        return "".join(letter for letter in source.stem if letter not in "#%*").strip("_-. ") + ".mkv"
+    return source.stem + (source.suffix.lower() if source.suffix.lower() in (".mp4", ".mov", ".mkv") else ".mkv")
+
+
+def _encoding(source: Path, words: dict[str, Any]) -> dict[str, Any]:
+    """Pictures of a folder become one lossless clip."""
+    pictures = source.is_dir() or any(mark in source.name for mark in "#%*")
+    return {"encoding": {"codec": "ffv1", **words["encoding"]}} if pictures else {}
+
+
+def _write(output: Path, comparison: "Comparison") -> None:
+    from rsvideo.config.files import write_whole
+    from rsvideo.report import comparison as values
+    from rsvideo.report import page
+
+    write_whole(
+        {
+            output / "index.html": page.render(comparison),
+            output / "report.csv": values.as_csv(comparison),
+            output / "report.json": values.as_json(comparison),
+        }
+    )
+
+
+def _tell(comparison: "Comparison", output: Path) -> None:
+    from rsvideo.report.comparison import summary
+
+    for words in summary(comparison):
+        print(f"rsvideo: {words}", file=sys.stderr)
+    for entry in comparison.methods:
+        if entry.fault is not None:
+            print(f"rsvideo: {entry.name} failed: {entry.fault}", file=sys.stderr)
+    print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
+
+
+def _code(attempts: "Sequence[Attempt]") -> int:
+    from rsvideo.cli.ending import Code
+
+    failed = [attempt for attempt in attempts if attempt.fault is not None]
+    if failed and all(attempt.unreadable for attempt in attempts):
+        return Code.UNREADABLE
+    return Code.FAILED if failed else Code.DONE
+
+
+def _table(
+    cases: Path, output: Path, kind: "Format", methods: Sequence[Method], results: Path, *, jobs: int, resume: bool, overwrite: bool
+) -> int:
+    from rsvideo.cli import quiet
+    from rsvideo.cli.ending import Code
+    from rsvideo.cli.progress import bar
+    from rsvideo.config.files import write_whole
+    from rsvideo.pipeline import cases as folder
+    from rsvideo.report import table
+
+    found = folder.find(cases)
+    if not output.parent.is_dir():
+        raise ValueError(f"the folder {output.parent} of {output.name} must exist; make it first, or is its name mistyped?")
+    if output.exists() and not overwrite:
+        raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
+    with bar() as show, quiet.c_libraries():
+        told = folder.scored(found, methods, results, most=jobs, resume=resume, quiet=quiet.wanted(), show=show)
+    write_whole({output: table.written(told, kind).encode()})
+    for note in told.notes:
+        print(f"rsvideo: note: {note}", file=sys.stderr)
+    print(f"rsvideo: {len(told.rows)} cases, {len(methods)} methods: {output}", file=sys.stderr)
+    return Code.FAILED if told.failed else Code.DONE

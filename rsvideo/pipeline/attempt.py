@@ -1,0 +1,323 @@
+"""One method on one input, in a process of its own: its time and memory are its own, and so is its failure."""
+
+import contextlib
+import hashlib
+import json
+import logging
+import multiprocessing
+import os
+import signal
+import tempfile
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.pipeline.clip import ClipJob
+from rsvideo.pipeline.job import Job
+
+_EVERY = 0.1  # seconds between two words about the work
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Order:
+    """A job that one method is to carry out."""
+
+    job: Job | ClipJob
+
+    @property
+    def method(self) -> str:
+        """Its name."""
+        return str(self.job.method)
+
+    @property
+    def note(self) -> Path:
+        """Where it is written down what became of it."""
+        return self.job.output.with_name(self.job.output.name + ".attempt.json")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """What a method came to."""
+
+    method: str
+    output: Path
+    seconds: float  # of work; the start of a process and its imports do not count
+    peak_bytes: int  # of the whole process
+    fault: str | None = None  # why there is no result
+    unreadable: bool = False  # the input is at fault
+    notes: tuple[str, ...] = ()
+
+    @property
+    def record(self) -> Path:
+        """The sidecar."""
+        return self.output.with_suffix(".rsvideo.json")
+
+
+def kept(order: Order) -> Attempt | None:
+    """What an earlier run came to, if that was the same request to the same program, and its result is still there."""
+    try:
+        held = json.loads(order.note.read_text(encoding="utf-8"))
+        if held.pop("fingerprint") != _fingerprint(order) or not order.job.output.exists():
+            return None
+        return Attempt(method=order.method, output=order.job.output, **{**held, "notes": tuple(held["notes"])})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, show: Callable[[str, float], None]) -> Iterator[Attempt]:
+    """Carry the orders out, `most` at a time, and hand over what each came to as it ends; whoever stops listening ends them all."""
+    waiting, running = list(orders), dict[Connection, tuple[Order, BaseProcess]]()
+    done = 0
+    threads = max(1, cores() // most)
+    try:
+        while waiting or running:
+            while waiting and len(running) < most:
+                order = waiting.pop(0)
+                order.job.output.parent.mkdir(parents=True, exist_ok=True)
+                order.note.unlink(missing_ok=True)
+                connection, process = _started(order, threads, quiet=quiet)
+                running[connection] = order, process
+            for connection in wait(list(running)):
+                assert isinstance(connection, Connection)
+                order, process = running[connection]
+                try:
+                    said = connection.recv()
+                except (EOFError, OSError):
+                    said = _death(order, process)
+                if not isinstance(said, Attempt):
+                    show(f"{order.method}: {said[0]}", (done + said[1]) / len(orders))
+                    continue
+                _ended(connection, process)
+                del running[connection]
+                done += 1
+                if said.fault is None:
+                    said = replace(said, output=order.job.output)
+                    note = {name: value for name, value in asdict(said).items() if name not in ("method", "output")}
+                    write_whole({order.note: json.dumps({**note, "fingerprint": _fingerprint(order)}).encode()})
+                yield said
+    finally:
+        for connection, (_, process) in running.items():
+            process.kill()
+            _ended(connection, process)
+
+
+def all_of(
+    orders: Sequence[Order], *, most: int = 1, resume: bool = True, quiet: bool = True, show: Callable[[str, float], None]
+) -> list[Attempt]:
+    """What each order comes to, in their order; those that were carried out before are taken over with `resume`."""
+    done = {order: attempt for order in orders if resume and (attempt := kept(order)) is not None}
+    missing = [order for order in orders if order not in done]
+    by_output = {order.job.output: order for order in missing}
+    for attempt in attempts(missing, most=most, quiet=quiet, show=show):
+        done[by_output[attempt.output]] = attempt
+    return [done[order] for order in orders]
+
+
+def settle(job: Job | ClipJob) -> None:
+    """Answer every question that a job leaves, without doing it; raises as `prepare` does."""
+    with tempfile.TemporaryDirectory() as name:
+        away = replace(job, output=Path(name) / job.output.name, overwrite=True)
+        if isinstance(away, ClipJob):
+            from rsvideo.pipeline.clip import prepare
+
+            prepare(away)
+        else:
+            from rsvideo.pipeline.job import prepare as prepare_still
+
+            prepare_still(away)
+
+
+def cores() -> int:
+    """How many there are to work with."""
+    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    wanted = os.environ.get("NUMBA_NUM_THREADS", "")
+    return min(there, max(1, int(wanted))) if wanted.isdecimal() else there
+
+
+def _started(order: Order, threads: int, *, quiet: bool) -> tuple[Connection, BaseProcess]:
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe(duplex=False)
+    process = spawn.Process(target=_serve, args=(theirs, order, quiet), daemon=True)
+    own = {
+        "NUMBA_NUM_THREADS": str(threads),
+        "OMP_WAIT_POLICY": os.environ.get("OMP_WAIT_POLICY", "passive"),
+        **dict.fromkeys(_THREADS, "1"),
+    }
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
+    try:
+        with _environment(own):
+            process.start()  # these are read once, when the libraries are first imported
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    theirs.close()
+    return ours, process  # pyright: ignore[reportReturnType] # Windows has another kind
+
+
+@contextlib.contextmanager
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _ended(connection: Connection, process: BaseProcess) -> None:
+    connection.close()
+    process.join(5)
+    process.kill()
+    process.join()
+
+
+def _death(order: Order, process: BaseProcess) -> Attempt:
+    process.join(5)
+    code = process.exitcode or 0
+    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+    words = f"its process ended ({how}{'; did memory run out?' if code == -signal.SIGKILL else ''})"
+    return Attempt(method=order.method, output=order.job.output, seconds=0.0, peak_bytes=0, fault=words)
+
+
+def _serve(connection: Connection, order: Order, quiet: bool) -> None:
+    """What a process does all its life."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to everyone; the parent decides
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    threading.Thread(target=_follow_parent, daemon=True).start()
+    if quiet:
+        warnings.simplefilter("ignore")
+        logging.getLogger().addHandler(logging.NullHandler())
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 # what C libraries remark about a damaged file
+            os.dup2(nowhere.fileno(), 1)
+            os.dup2(nowhere.fileno(), 2)
+    last = -_EVERY
+
+    def observe(stage: str, fraction: float) -> None:
+        nonlocal last
+        if (now := time.monotonic()) - last >= _EVERY:
+            last = now
+            connection.send((stage, fraction))
+
+    connection.send(carried_out(order, observe))
+
+
+def carried_out(order: Order, observe: Callable[[str, float], None]) -> Attempt:
+    """What the method comes to in this process."""
+    carry_out = _clip if isinstance(order.job, ClipJob) else _still
+    begun, notes, fault = time.perf_counter(), (), None
+    try:
+        begun, notes = carry_out(order, observe)
+    except Exception as error:
+        fault = error
+    return Attempt(
+        method=order.method,
+        output=order.job.output,
+        seconds=time.perf_counter() - begun,
+        peak_bytes=_peak(),
+        fault=None if fault is None else _told(fault),
+        unreadable=isinstance(fault, UnreadableError),
+        notes=notes,
+    )
+
+
+def _follow_parent() -> None:
+    """Nobody is left to hear the answer."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait([parent.sentinel])
+    os._exit(1)
+
+
+def _clip(order: Order, observe: Callable[[str, float], None]) -> tuple[float, tuple[str, ...]]:
+    """When the work began, and what is to be said."""
+    from rsvideo.pipeline import clip
+
+    job = order.job
+    assert isinstance(job, ClipJob)
+    begun = time.perf_counter()
+    task = clip.prepare(replace(job, overwrite=True))
+    with tempfile.TemporaryDirectory(prefix=".rsvideo-", dir=job.output.parent) as name:
+        folder, records, done = Path(name), [], 0
+        for chunk in clip.chunks(task):
+
+            def heard(index: int, stage: str, fraction: float, chunk=chunk, done=done) -> None:
+                observe(f"frame {index}: {stage}", (done + max(0.0, index - chunk.first + fraction)) / task.frames)
+
+            records.append(clip.work(task, chunk, folder, heard))
+            done += chunk.last - chunk.first + 1
+        outcome = clip.finish(task, records, folder)
+    return begun, (*task.notes, *outcome.notes)
+
+
+def _still(order: Order, observe: Callable[[str, float], None]) -> tuple[float, tuple[str, ...]]:
+    from rsvideo.config import motion
+    from rsvideo.pipeline import still
+    from rsvideo.pipeline.job import prepare
+    from rsvideo.restoration.blind import Settings
+
+    job = order.job
+    assert isinstance(job, Job)
+    begun = time.perf_counter()
+    task = prepare(replace(job, overwrite=True))
+    path = None if job.trajectory is None else motion.read(job.trajectory, task.timing, task.camera.intrinsics)
+    outcome = still.carry_out(task, Settings(**job.steering), path, lambda iterate: observe(iterate.stage, iterate.fraction))
+    write_whole(outcome.files)
+    return begun, (*task.notes, *outcome.notes)
+
+
+def _told(error: Exception) -> str:
+    words = " ".join(str(error).split())
+    match error:
+        case MemoryError():
+            return "memory ran out"
+        case ValueError() | ArithmeticError() | OSError():
+            return words
+        case _:
+            return f"failed while working: {type(error).__name__}: {words}"
+
+
+def _peak() -> int:
+    """Bytes of memory that the process held at most; 0 where the system does not say."""
+    with contextlib.suppress(OSError):  # what getrusage says of a spawned process may be its parent's
+        for line in Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) << 10
+    try:
+        import resource
+    except ImportError:
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def _fingerprint(order: Order) -> str:
+    """Of all that steers the work, files by what they hold."""
+    asked: dict[str, Any] = {name: value for name, value in asdict(order.job).items() if name not in ("output", "overwrite", "source")}
+    held = [order.job.source, *(Path(value) for value in asked.values() if isinstance(value, Path | str))]
+    digest = hashlib.sha256(repr((sorted(asked.items()), version("rsvideo"))).encode())
+    for path in held:
+        files = (
+            [path]
+            if path.is_file()
+            else sorted(p for p in path.iterdir() if p.is_file())
+            if path == order.job.source and path.is_dir()
+            else []
+        )
+        for file in files:
+            digest.update(file.name.encode())
+            with file.open("rb") as opened:
+                digest.update(hashlib.file_digest(opened, "sha256").digest())
+    return digest.hexdigest()
