@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 
+from rsvideo.config.method import Method
 from rsvideo.config.quantity import hand_held, pixels, seconds, span
 from rsvideo.config.yaml import ConfigError, Positions, meant, shown, validated
 from rsvideo.physics.shutter import Direction
@@ -43,6 +44,13 @@ def _name(value: object) -> str:
     rest = re.sub(r"\{(stem|ext|folder)\}", "", text)
     if not text or set(rest) & set("{}/\\") or rest in (".", "..") or text.startswith("."):
         raise ValueError(f"{rule}, got {shown(value)}; where the results go is output.folder")
+    return text
+
+
+def _truth(value: object) -> str:
+    text = _text(value, "truth must be a file's name such as truth{ext}, made with {stem}, {ext} and {folder}")
+    if set(re.sub(r"\{(stem|ext|folder)\}", "", text)) & set("{}"):
+        raise ValueError(f"truth may hold {{stem}}, {{ext}} and {{folder}}, got {shown(text)}")
     return text
 
 
@@ -97,14 +105,32 @@ class Motion(_Section):
     model: Literal["rotation", "shift"] | None = Field(default=None, description="All three angles, or the paper's shift.")
     degree: Annotated[int, Field(ge=1, le=12)] | None = Field(default=None, description="Of the trajectory's polynomial.")
     start: Literal["kernels", "tracing"] | None = Field(default=None, description="How the first trajectory is found.")
+    refinement: Literal["sparsity", "alternation"] | None = Field(
+        default=None, description="Of it, where a frame stands alone: latent image eliminated, or the paper's Algorithm 1."
+    )
     trajectory: str | None = Field(default=None, description="A file with the motion, which is then not estimated.")
+    gyro: str | None = Field(
+        default=None, description="A gyroscope's log, for the methods that follow one; what the clip embeds if left out."
+    )
+    gyro_offset: Annotated[float, Field(ge=-1e6, le=1e6)] | None = Field(
+        default=None, description="Seconds, what the clip's time becomes the log's by adding; found if left out."
+    )
+    gyro_axes: Annotated[str, Field(pattern="^[XYZxyz]{3}$")] | None = Field(
+        default=None, description="The gyroscope's axes along the camera's right, down and forward; found if left out."
+    )
     path: Literal["keep", "smooth"] = Field(default="keep", description="The camera's own path, or a smooth one (with a crop).")
 
 
 class Deblur(_Section):
     """How the sharp picture is found."""
 
-    method: Literal["rsvideo", "none"] = Field(default="rsvideo", description="none decodes and encodes, and changes nothing.")
+    method: Method = Field(
+        default=Method.RSVIDEO,
+        description="This project's, or one that it is compared with; none decodes and encodes, and changes nothing.",
+    )
+    block_rows: Annotated[int, Field(ge=16, le=100_000)] | None = Field(
+        default=None, description="Of the method stitch; a third of the frame if left out."
+    )
     frames: Literal["together", "alone", "cold"] | None = Field(
         default=None, description="Restored with their neighbours (as if left out), along the clip's path only, or each as a still."
     )
@@ -159,9 +185,26 @@ class Output(_Section):
 
 
 class Report(_Section):
-    """What counts as success."""
+    """What counts as success, and what rsvideo compare is to show."""
 
     most_failed_frames: Annotated[int, Field(ge=0)] = Field(default=0, description="In a clip; with more, the command ends with 5.")
+    methods: Annotated[list[Method], Field(max_length=20)] = Field(
+        default=[], description="Of rsvideo compare: what is tried on each clip; all that apply if left out."
+    )
+    truth: Annotated[str, BeforeValidator(_truth)] | None = Field(
+        default=None,
+        description="Of rsvideo compare: the clip that each would be if nothing blurred, relative to its source: truth/{stem}{ext}.",
+    )
+    crops: Annotated[list[tuple[int, int, int, int]], Field(max_length=20)] = Field(
+        default=[], description="Of rsvideo compare: parts to look at first, as [x, y, width, height] in pixels."
+    )
+
+    def truth_of(self, source: Path) -> Path | None:
+        """The truth of one clip."""
+        if self.truth is None:
+            return None
+        parts = {"stem": source.stem, "ext": source.suffix, "folder": source.absolute().parent.name}
+        return source.parent / re.sub(r"\{(\w+)\}", lambda match: parts[match[1]], self.truth)
 
 
 class JobFile(_Section):

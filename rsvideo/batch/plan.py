@@ -13,6 +13,7 @@ from rsvideo.batch import fingerprint
 from rsvideo.batch.job import Clip, JobFile, Said, Treatment, said, understood
 from rsvideo.config import yaml
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.method import GyroFile
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import clip as pipeline
@@ -219,7 +220,14 @@ def _check_apart(requests: Sequence[tuple[Request, bool]]) -> None:
 
 def _job(treatment: Treatment, source: Path, output: Path, path: Path, *, overwrite: bool) -> ClipJob:
     camera, motion, deblur, encoding = treatment.camera, treatment.motion, treatment.deblur, treatment.encoding
-    steering = {"motion": motion.model, "degree": motion.degree, "start": motion.start, "prior": deblur.prior, "frames": deblur.frames}
+    steering = {
+        "motion": motion.model,
+        "degree": motion.degree,
+        "start": motion.start,
+        "refinement": motion.refinement,
+        "prior": deblur.prior,
+        "frames": deblur.frames,
+    }
     written = encoding.model_dump(include={"codec", "quality", "pixel_format"}, exclude_none=True)
     profile = camera.profile
     if profile is not None and (beside := _beside(path, profile)).is_file():
@@ -238,6 +246,8 @@ def _job(treatment: Treatment, source: Path, output: Path, path: Path, *, overwr
         transfer=camera.transfer,
         trajectory=None if motion.trajectory is None else _beside(path, motion.trajectory),
         method=deblur.method,
+        block_rows=deblur.block_rows,
+        gyro=GyroFile(path=None if motion.gyro is None else _beside(path, motion.gyro), offset=motion.gyro_offset, axes=motion.gyro_axes),
         steering={name: value for name, value in steering.items() if value is not None},
         encoding=written,
         path=motion.path,

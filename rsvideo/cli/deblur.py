@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 import typer
 from typer import Option
 
+from rsvideo.config.method import GyroFile, Method
+
 Way = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
 
 
@@ -29,6 +31,9 @@ def deblur(
     ] = None,
     degree: Annotated[int | None, Option(min=1, max=12, help="Of the trajectory's polynomial.")] = None,
     start: Annotated[Literal["kernels", "tracing"] | None, Option(help="How the first trajectory is found.")] = None,
+    refinement: Annotated[
+        Literal["sparsity", "alternation"] | None, Option(help="Of it: latent image eliminated, or the paper's Algorithm 1.")
+    ] = None,
     prior: Annotated[Literal["denoiser", "tv"] | None, Option(help="What a sharp picture is taken to look like.")] = None,
     transfer: Annotated[
         str | None, Option(metavar="CURVE", help="How codes stand for light: srgb, bt709, slog3, ... [default: the clip's tag, or srgb]")
@@ -36,12 +41,24 @@ def deblur(
     trajectory: Annotated[
         Path | None, Option(metavar="FILE", help="Restore with this motion: a sidecar, or CSV of t_s,pitch_rad,yaw_rad,roll_rad.")
     ] = None,
+    gyro: Annotated[
+        Path | None, Option(metavar="FILE", help="Of the methods gyro: a log (.gcsv, CSV, t_ns wx wy wz). [default: what the clip embeds]")
+    ] = None,
+    gyro_offset: Annotated[
+        float | None, Option(metavar="SECONDS", help="What the clip's time becomes the log's by adding. [default: found]")
+    ] = None,
+    gyro_axes: Annotated[
+        str | None, Option(metavar="XYZ", help="The gyroscope's axes along the camera's right, down, forward. [default: found]")
+    ] = None,
     shutter_angle: Annotated[float | None, Option(metavar="DEGREES", help="Of a clip, instead of --exposure.")] = None,
     scanlines_total: Annotated[int | None, Option(metavar="N", help="Of a clip: visible and blanking lines, instead of --readout.")] = None,
     camera: Annotated[
         str | None, Option(metavar="NAME", help="A profile by name or file; of a clip, also a camera of the public table.")
     ] = None,
-    method: Annotated[Literal["rsvideo", "none"], Option(help="Of a clip: none decodes and encodes only.")] = "rsvideo",
+    method: Annotated[
+        Method, Option(help="This project's, or one that it is compared with; none decodes and encodes only.")
+    ] = Method.RSVIDEO,
+    block_rows: Annotated[int | None, Option(min=16, max=100_000, help="Of the method stitch. [default: a third of the frame]")] = None,
     frames: Annotated[
         Literal["together", "alone", "cold"] | None,
         Option(help="Of a clip: restored with their neighbours, along its path only, or each as a still. [default: together]"),
@@ -77,7 +94,7 @@ def deblur(
     from rsvideo.physics.shutter import Direction
     from rsvideo.physics.tone import Transfer
 
-    steering = {"motion": motion, "degree": degree, "start": start, "prior": prior, "frames": frames}
+    steering = {"motion": motion, "degree": degree, "start": start, "refinement": refinement, "prior": prior, "frames": frames}
     encoding = {"codec": codec, "quality": quality, "pixel_format": pixel_format}
     clips_only = {
         "--shutter-angle": shutter_angle,
@@ -86,7 +103,6 @@ def deblur(
         "--rate": rate,
         "--frames": frames,
         "--side-by-side": side_by_side or None,
-        "--method": method if method != "rsvideo" else None,
         "--path": path if path != "keep" else None,
         "--codec": codec,
         "--quality": quality,
@@ -104,6 +120,9 @@ def deblur(
             "row_time": None if row_time is None else seconds("row-time", row_time),
             "focal_px": None if focal_px is None else pixels("focal-px", focal_px),
             "trajectory": trajectory,
+            "method": method,
+            "block_rows": block_rows,
+            "gyro": GyroFile(path=gyro, offset=gyro_offset, axes=gyro_axes),
             "camera": camera,
             "direction": None if direction is None else Direction(direction),
             "steering": {name: value for name, value in steering.items() if value is not None},
@@ -118,7 +137,6 @@ def deblur(
                 transfer=transfer,
                 shutter_angle=shutter_angle,
                 scanlines_total=scanlines_total,
-                method=method,
                 encoding={name: value for name, value in encoding.items() if value is not None},
                 path=path,
                 span=None if part is None else span(part),

@@ -7,6 +7,7 @@ from typing import Any
 
 from rsvideo.config import profile, sidecar
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.method import GyroFile, Method, check_gyro
 from rsvideo.config.quantity import LONGEST, hand_held
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
@@ -33,6 +34,9 @@ class Job:
     focal_px: float | None
     transfer: Transfer | None
     trajectory: Path | None  # motion that is given
+    method: Method
+    block_rows: int | None  # of the method stitch
+    gyro: GyroFile  # of the methods that follow one
     steering: Mapping[str, Any]  # the core's settings under their names; those left out have their defaults
     overwrite: bool
 
@@ -57,6 +61,11 @@ class Task:
 def prepare(job: Job) -> Task:
     """Read the photograph and settle timing and camera; raises ValueError, UnreadableError or FileExistsError."""
     _check_output(job)
+    if job.method.needs_clip:
+        raise ValueError(f"method {job.method} concerns clips, it sees the motion between frames; {job.source} is taken for a photograph")
+    check_gyro(job.gyro, job.method)
+    if job.method.recorded and job.trajectory is None and job.gyro.path is None:
+        raise ValueError(f"the method {job.method} needs a gyroscope's log of a photograph; give --gyro")
     known = None if job.camera is None else profile.find(job.camera)
     timed = known is not None and known.timing is not None
     if (job.readout is not None and job.row_time is not None) or (job.readout is None and job.row_time is None and not timed):
@@ -133,7 +142,7 @@ def _camera(job: Job, photograph: Still, said: profile.Facts | None) -> tuple[si
         notes = (
             f"focal length {focal:.0f} px from EXIF's 35 mm equivalent of {photograph.shot.focal_35mm:g} mm, for an uncropped picture",
         )
-    elif job.steering.get("motion") != "shift" or job.trajectory is not None:
+    elif job.method.needs_lens and (job.steering.get("motion") != "shift" or job.trajectory is not None):
         raise ValueError(
             f"focal-px must be given, {job.source} does not say a 35 mm equivalent in EXIF;"
             " it is about 0.7 times the longer side for most phones, and --motion shift does without"

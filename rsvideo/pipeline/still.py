@@ -11,9 +11,10 @@ import numpy as np
 from rsvideo.config import sidecar
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.pipeline import output
+from rsvideo.pipeline import methods, output, recorded
 from rsvideo.pipeline.job import Task
-from rsvideo.restoration.blind import Iterate, Settings, restore
+from rsvideo.pipeline.methods import Treatment
+from rsvideo.restoration.blind import Iterate, Settings
 from rsvideo.video import still
 from rsvideo.video.still import Format
 
@@ -29,15 +30,19 @@ class Outcome:
 
 def carry_out(task: Task, settings: Settings, trajectory: Trajectory | None, observe: Callable[[Iterate], None]) -> Outcome:
     """Restore the photograph, with a motion that is given or without; nothing is written yet."""
-    result = restore(
-        Frame(pixels=task.still.pixels, clipped=task.still.clipped),
-        task.timing,
-        task.camera.intrinsics,
-        settings,
+    job = task.job
+    follows = job.method.recorded and trajectory is None
+    gyro = recorded.of_photograph(job.gyro, job.source, task.timing) if follows else None
+    asked = Treatment(
+        method=task.job.method,
+        settings=settings,
+        block_rows=task.job.block_rows,
+        gyro=gyro,
+        timing=task.timing,
         timing_source=task.timing_source,
-        trajectory=trajectory,
-        observe=observe,
+        intrinsics=task.camera.intrinsics,
     )
+    result = methods.photograph(asked, Frame(pixels=task.still.pixels, clipped=task.still.clipped), trajectory, observe)
     kind = Format.of_output(task.job.output)
     if result.verdict is Verdict.RESTORED:
         if not np.isfinite(result.latent).all():

@@ -87,7 +87,8 @@ def _soft(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "
 
 
 def _sampled(image: np.ndarray, at: Float[np.ndarray, "rows cols 2"], how: int) -> np.ndarray:
-    return cv2.remap(image, at[..., 0].astype(np.float32), at[..., 1].astype(np.float32), how, borderMode=cv2.BORDER_REPLICATE)
+    x, y = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
+    return cv2.remap(image, x, y, how, borderMode=cv2.BORDER_REPLICATE).reshape(image.shape)  # which OpenCV takes from a grey one
 
 
 def _aligned(

@@ -28,6 +28,7 @@ from pydantic import BaseModel
 
 import rsvideo.pipeline
 from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.config.method import GyroFile, Method
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 CHUNK = 4
@@ -49,7 +50,9 @@ class ClipJob:
     focal_px: float | None
     transfer: str | None
     trajectory: Path | None
-    method: Literal["rsvideo", "none"]
+    method: Method
+    block_rows: int | None
+    gyro: GyroFile
     steering: Mapping[str, Any]
     encoding: Mapping[str, Any]
     path: Literal["keep", "smooth"]

@@ -9,10 +9,10 @@ import numpy as np
 from rsvideo.cli import main
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.trajectory import still as at_rest
-from rsvideo.pipeline import still
+from rsvideo.restoration import blind
 
 
-def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, observe) -> FrameResult:
+def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, start, observe) -> FrameResult:
     """Nothing is restored, but everything around it is real."""
     print("working", flush=True)
     observe(SimpleNamespace(stage="half way", fraction=0.5))
@@ -21,12 +21,12 @@ def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, o
         frame=frame,
         timing=timing,
         timing_source=timing_source,
-        trajectory=trajectory or at_rest(timing.interval, degree=settings.degree, axes=3),
+        trajectory=trajectory or start or at_rest(timing.interval, degree=settings.degree, axes=3),
         latent=np.clip(2 * frame.pixels, 0, 1),
         verdict=Verdict.RESTORED,
         seconds=0.25,
     )
 
 
-still.restore = restore
+blind.restore = restore
 main()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.method import GyroFile, Method
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.pipeline.clip import AHEAD, LONGEST, WARM_UP, ChunkRecord, ClipJob, ClipTask, Outcome, chunks, finish, prepare, work
@@ -29,7 +30,9 @@ NOTHING: Mapping[str, Any] = {
     "focal_px": None,
     "transfer": None,
     "trajectory": None,
-    "method": "rsvideo",
+    "method": Method.RSVIDEO,
+    "block_rows": None,
+    "gyro": GyroFile(),
     "steering": {},
     "encoding": {},
     "path": "keep",
@@ -161,7 +164,7 @@ IRREGULAR = [0, 33, 67, 78, 133, 134, 222, 1000]  # ms
 @pytest.mark.parametrize("layout", ["yuv420p", "yuv422p10le"])
 def test_a_null_run_keeps_every_bit_time_and_packet(tmp_path: Path, layout: str) -> None:
     source = make(tmp_path / "in.mkv", codec="ffv1", layout=layout, rows=47, cols=61, sound=True, base=Fraction(1, 1000), times=IRREGULAR)
-    task = prepare(asked(source, tmp_path / "out.mkv", method="none"))
+    task = prepare(asked(source, tmp_path / "out.mkv", method=Method.NONE))
     outcome, records = carried_out(task, tmp_path)
     (before, one), (after, other) = decoded(source), decoded(tmp_path / "out.mkv")
     for p, q in zip(one, other, strict=True):
@@ -175,7 +178,7 @@ def test_a_null_run_keeps_every_bit_time_and_packet(tmp_path: Path, layout: str)
 
 def test_a_null_run_keeps_rotation_dates_and_tags(tmp_path: Path) -> None:
     source = make(tmp_path / "in.mp4", rotation=90, sound=True, tags={"title": "a walk", "creation_time": "2024-05-06T07:08:09.000000Z"})
-    carried_out(prepare(asked(source, tmp_path / "out.mp4", method="none")), tmp_path)
+    carried_out(prepare(asked(source, tmp_path / "out.mp4", method=Method.NONE)), tmp_path)
     before, after = decode.probe(source), decode.probe(tmp_path / "out.mp4")
     assert before.rotation == after.rotation == 90
     assert before.created == after.created
@@ -187,7 +190,7 @@ def test_a_null_run_keeps_rotation_dates_and_tags(tmp_path: Path) -> None:
 @pytest.mark.parametrize("layout", ["yuv420p", "yuv422p"])
 def test_source_and_result_stand_side_by_side_an_odd_column_less(tmp_path: Path, layout: str) -> None:
     source = make(tmp_path / "in.mkv", codec="ffv1", layout=layout, rows=47, cols=61)
-    carried_out(prepare(asked(source, tmp_path / "out.mkv", method="none", side_by_side=True)), tmp_path)
+    carried_out(prepare(asked(source, tmp_path / "out.mkv", method=Method.NONE, side_by_side=True)), tmp_path)
     one, other = (luma(tmp_path / name) for name in ("in.mkv", "out.mkv"))
     for p, q in zip(one, other, strict=True):
         np.testing.assert_array_equal(q[:, :60], p[:, :60])

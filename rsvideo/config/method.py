@@ -1,0 +1,55 @@
+"""What can be done to a photograph or a clip, by name."""
+
+import enum
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class Method(enum.StrEnum):
+    """The project's own restoration, and what people would do without it."""
+
+    RSVIDEO = "rsvideo"  # each scanline deblurred with its own piece of one motion
+    NONE = "none"  # decoded and encoded only
+    UNIFORM = "uniform"  # one kernel a frame
+    NONUNIFORM = "nonuniform"  # one density of camera poses a frame, as behind a global shutter
+    STITCH = "stitch"  # blocks of rows with a kernel each, then stitched
+    RECTIFY = "rectify"  # the rolling shutter's distortion alone
+    RECTIFY_UNIFORM = "rectify+uniform"
+    RECTIFY_NONUNIFORM = "rectify+nonuniform"
+    GYRO = "gyro"  # along the motion that a gyroscope has recorded
+    GYRO_REFINE = "gyro+refine"  # the project's own restoration, started there
+
+    @property
+    def rectifies(self) -> bool:
+        """Whether frames are rectified first."""
+        return self.startswith("rectify")
+
+    @property
+    def recorded(self) -> bool:
+        """Whether a gyroscope's log is needed."""
+        return self.startswith("gyro")
+
+    @property
+    def needs_lens(self) -> bool:
+        """Whether a turn of the camera is more than a shift of the picture."""
+        return self not in (Method.NONE, Method.UNIFORM, Method.STITCH)
+
+    @property
+    def needs_clip(self) -> bool:
+        """Whether the motion is seen between frames."""
+        return self.rectifies
+
+
+@dataclass(frozen=True, kw_only=True)
+class GyroFile:
+    """What is said of a gyroscope's log; None leaves it to the file, and to how the picture moves."""
+
+    path: Path | None = None  # None: embedded in the clip
+    offset: float | None = None  # s, what the clip's time becomes the log's by adding
+    axes: str | None = None  # the gyroscope's along the camera's right, down and forward; small letters for the opposite sense
+
+
+def check_gyro(said: GyroFile, method: Method) -> None:
+    """Refuse words about a log that no one reads."""
+    if said != GyroFile() and not method.recorded:
+        raise ValueError(f"a gyroscope's log is read by the methods {Method.GYRO} and {Method.GYRO_REFINE}, not by {method}")

@@ -1,0 +1,113 @@
+"""How frames are treated by each method, with the same light, the same noise and the same final solver."""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.baselines import gyro, nonuniform, rectify, stitch, uniform
+from rsvideo.config.method import Method
+from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Trajectory, still
+from rsvideo.pipeline.recorded import Gyro
+from rsvideo.restoration import blind, clip
+from rsvideo.restoration.blind import Iterate, Settings
+from rsvideo.restoration.clip import Movement
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Treatment:
+    """A method and all that steers it."""
+
+    method: Method
+    settings: Settings
+    block_rows: int | None  # of stitch; None is a third of the frame
+    gyro: Gyro | None  # of the methods that need one
+    timing: ShutterTiming
+    timing_source: str
+    intrinsics: Intrinsics
+
+
+def photograph(asked: Treatment, frame: Frame, trajectory: Trajectory | None, observe: Callable[[Iterate], None]) -> FrameResult:
+    """What becomes of one frame by itself; `trajectory` is the motion where it is known."""
+    if asked.method in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
+        start = None
+        if asked.gyro is not None:
+            trajectory = asked.gyro.within(asked.timing, asked.intrinsics)
+        if asked.method is Method.GYRO_REFINE and trajectory is not None:
+            trajectory, start = None, gyro.first(trajectory)
+        return blind.restore(
+            frame,
+            asked.timing,
+            asked.intrinsics,
+            asked.settings,
+            timing_source=asked.timing_source,
+            trajectory=trajectory,
+            start=start,
+            observe=observe,
+        )
+    return _single(asked, frame, None)
+
+
+def movement(asked: Treatment, frames: Iterable[Frame], begins: Float[np.ndarray, " frames"], observe: Callable[[int], None]) -> Movement:
+    """How the camera moved in successive frames that begin at `begins`, as far as the method asks; `observe` is told of each taken in."""
+    if asked.method is Method.GYRO and asked.gyro:
+        return asked.gyro.movement(begins, asked.timing, asked.intrinsics)
+    if asked.method is Method.GYRO_REFINE and asked.gyro:
+        return asked.gyro.refined(clip.seen(frames, asked.timing, asked.intrinsics, asked.settings, observe))
+    if asked.method.rectifies:
+        return rectify.movement(frames, asked.timing, asked.intrinsics, asked.settings, observe)
+    if asked.method is Method.RSVIDEO and asked.settings.frames != "cold":
+        return clip.movement(frames, asked.timing, asked.intrinsics, asked.settings, observe)
+    return clip.unknown(len(begins), 3)
+
+
+def run(asked: Treatment, frames: Iterable[Frame], moving: Movement, observe: Callable[[int, float], None]) -> Iterator[FrameResult]:
+    """What becomes of successive frames whose motion is `moving`, in order."""
+    if asked.method in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
+        yield from clip.restored(
+            frames, moving, asked.timing, asked.intrinsics, asked.settings, timing_source=asked.timing_source, observe=observe
+        )
+        return
+    for frame, way in zip(frames, moving.within, strict=True):
+        yield _single(asked, frame, way)
+        observe(frame.index, 1.0)
+
+
+def untouched(asked: Treatment, frame: Frame, verdict: Verdict) -> FrameResult:
+    """The frame as it was."""
+    return FrameResult(
+        frame=frame,
+        timing=asked.timing,
+        timing_source=asked.timing_source,
+        trajectory=still(asked.timing.interval, degree=1, axes=3),
+        latent=frame.pixels,
+        verdict=verdict,
+        seconds=0.0,
+    )
+
+
+def _single(asked: Treatment, frame: Frame, way: Trajectory | None) -> FrameResult:
+    timing, camera, settings, source = asked.timing, asked.intrinsics, asked.settings, asked.timing_source
+    match asked.method:
+        case Method.UNIFORM:
+            return uniform.restored(frame, timing, settings, timing_source=source)
+        case Method.NONUNIFORM:
+            return nonuniform.restored(frame, timing, camera, settings, timing_source=source)
+        case Method.STITCH:
+            return stitch.restored(frame, timing, settings, block_rows=asked.block_rows, timing_source=source)
+        case Method.RECTIFY:
+            return rectify.restored(frame, way, timing, camera, timing_source=source)
+        case Method.RECTIFY_UNIFORM | Method.RECTIFY_NONUNIFORM:
+            straight = rectify.restored(frame, way, timing, camera, timing_source=source)
+            seen = frame if way is None else rectify.rectified(frame, way, timing, camera)
+            after = Method.UNIFORM if asked.method is Method.RECTIFY_UNIFORM else Method.NONUNIFORM
+            sharp = _single(replace(asked, method=after, timing=rectify.after(timing)), seen, None)
+            if sharp.verdict is not Verdict.RESTORED:
+                return replace(straight, seconds=straight.seconds + sharp.seconds)
+            return replace(sharp, frame=frame, timing=timing, trajectory=straight.trajectory, seconds=straight.seconds + sharp.seconds)
+        case _:
+            return untouched(asked, frame, Verdict.UNTOUCHED)

@@ -1,0 +1,81 @@
+"""Every method gives every frame back, and those that should straighten or sharpen do."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rsvideo.config.method import GyroFile, Method
+from rsvideo.frame import Verdict
+from rsvideo.pipeline import methods, recorded
+from rsvideo.pipeline.methods import Treatment
+from rsvideo.report.metrics import psnr
+from rsvideo.restoration.blind import Settings, ignore
+from tests.pipeline.moving import Moving, planes
+
+FRAMES = 4
+
+
+@cache
+def moving() -> Moving:
+    return Moving(frames=FRAMES)
+
+
+def treatment(method: Method, log: Path | None = None) -> Treatment:
+    clip, settings, gyro = moving(), Settings(), None
+    if log is not None:
+        said = GyroFile(path=clip.motion(log))
+        gyro = recorded.placed(said, recorded.read(said, log, clip.timing), clip.recorded, clip.timing, clip.camera, settings)
+    return Treatment(
+        method=method,
+        settings=settings,
+        block_rows=None,
+        gyro=gyro,
+        timing=clip.timing,
+        timing_source="explicit",
+        intrinsics=clip.camera,
+    )
+
+
+def gain(latent: np.ndarray, k: int) -> float:
+    """dB of luma codes over the recorded frame."""
+    truth = planes(moving().renderings[k].truth)[0][..., None].astype(np.float32) / 255
+    before, after = (planes(x)[0][..., None].astype(np.float32) / 255 for x in (moving().recorded[k].pixels, latent))
+    return psnr(after, truth) - psnr(before, truth)
+
+
+@pytest.mark.parametrize(
+    ("method", "least"),
+    [
+        (Method.NONE, 0.0),
+        pytest.param(Method.UNIFORM, -9.0, marks=pytest.mark.long),
+        pytest.param(Method.NONUNIFORM, -9.0, marks=pytest.mark.long),
+        pytest.param(Method.STITCH, -9.0, marks=pytest.mark.long),
+        (Method.RECTIFY, -0.1),
+        pytest.param(Method.RECTIFY_UNIFORM, -6.0, marks=pytest.mark.long),
+        pytest.param(Method.RECTIFY_NONUNIFORM, -6.0, marks=pytest.mark.long),
+        (Method.GYRO, 3.0),
+        pytest.param(Method.GYRO_REFINE, 3.0, marks=pytest.mark.long),
+        (Method.RSVIDEO, 1.0),
+    ],
+)
+def test_each_method_gives_every_frame_back_in_order(method: Method, least: float, tmp_path: Path) -> None:
+    asked = treatment(method, tmp_path / "motion.csv" if method.recorded else None)
+    begins, seen = moving().begins, []
+    ways = methods.movement(asked, iter(moving().recorded), begins, lambda _: None)
+    results = list(methods.run(asked, iter(moving().recorded), ways, lambda index, _: seen.append(index)))
+    assert [r.frame.index for r in results] == list(range(FRAMES))
+    assert set(seen) == set(range(FRAMES))
+    for before, result in zip(moving().recorded, results, strict=True):
+        assert result.latent.shape == before.pixels.shape
+        if result.verdict is not Verdict.RESTORED:
+            np.testing.assert_array_equal(result.latent, before.pixels)
+    assert np.mean([gain(r.latent, k) for k, r in enumerate(results)]) >= least
+
+
+def test_a_photograph_follows_a_recorded_motion(tmp_path: Path) -> None:
+    asked = treatment(Method.GYRO, tmp_path / "motion.csv")
+    result = methods.photograph(asked, moving().recorded[0], None, ignore)
+    assert result.verdict is Verdict.RESTORED
+    assert gain(result.latent, 0) > 3
