@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from rsvideo.cli.calibrate import calibrate
+from rsvideo.cli.compare import compare
 from rsvideo.cli.deblur import deblur
 from rsvideo.cli.inspect import inspect
 from rsvideo.cli.plot import plot
@@ -19,6 +20,7 @@ from rsvideo.cli.validate import schema, validate
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
 app.add_typer(calibrate, name="calibrate")
+app.command()(compare)
 app.command()(deblur)
 app.command()(inspect)
 app.command()(plot)

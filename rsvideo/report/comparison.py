@@ -25,7 +25,7 @@ class Measure:
     more_is_better: bool
     digits: int
     words: str  # what it is, for who wonders
-    praise: str  # what who is better has
+    praise: str  # what the better one has
 
     def written(self, value: float) -> str:
         """As people read it; a dash where there is nothing."""
@@ -40,7 +40,7 @@ MEASURES = (
         more_is_better=True,
         digits=2,
         words="Nearness to the truth, after the best shift and the best scale of brightness, which no single blurred frame can tell.",
-        praise="more PSNR",
+        praise="a higher PSNR",
     ),
     Measure(
         key="ssim",
@@ -49,7 +49,7 @@ MEASURES = (
         more_is_better=True,
         digits=3,
         words="Likeness of structure to the truth, after the same shift and scale; 1 is the truth itself.",
-        praise="more SSIM",
+        praise="a higher SSIM",
     ),
     Measure(
         key="edge_width",
@@ -58,7 +58,7 @@ MEASURES = (
         more_is_better=False,
         digits=2,
         words="Sharpness: the distance over which the strongest edges rise from 10 to 90 % of their height.",
-        praise="sharper edges",
+        praise="the better edge width",
     ),
     Measure(
         key="ringing",
@@ -67,7 +67,7 @@ MEASURES = (
         more_is_better=False,
         digits=2,
         words="What shows where the recording is flat, in % of white. Blurred pictures ring least; the truth's own value is what is there.",
-        praise="less ringing",
+        praise="the better ringing",
     ),
     Measure(
         key="whiteness",
@@ -86,7 +86,7 @@ MEASURES = (
         more_is_better=False,
         digits=2,
         words="RMS distance of long edges from straight lines, where at least three are found. What is curved in the world counts for all.",
-        praise="straighter lines",
+        praise="the better lines",
     ),
     Measure(
         key="flicker",
@@ -95,7 +95,7 @@ MEASURES = (
         more_is_better=False,
         digits=3,
         words="Difference between neighbouring frames once motion is undone, relative to their fine detail.",
-        praise="less flicker",
+        praise="the better flicker",
     ),
 )
 NAMED = {measure.key: measure for measure in MEASURES}
@@ -279,30 +279,21 @@ def _against_truth(comparison: Comparison, done: Sequence[Entry], ours: str) -> 
 
 
 def _better_elsewhere(comparison: Comparison, done: Sequence[Entry], ours: str) -> list[str]:
-    """Measures but PSNR in which a method other than ours is best."""
+    """Measures but PSNR in which a method other than ours is best, a sentence for each that is."""
     mine = next((entry for entry in done if entry.name == ours), None)
     truth = next((entry for entry in comparison.entries if entry.role == "truth"), None)
-    told = []
+    wins: dict[str, list[str]] = {}
     for measure in measures(comparison):
         names = best(comparison, measure.key)
         if mine is None or measure.key == "psnr" or not names or ours in names or not math.isfinite(mine.mean(measure.key)):
             continue
         winners = [entry for entry in done if entry.name in names]
         own = math.nan if truth is None else truth.mean(measure.key)
-        values = [
-            f"{measure.written(entry.mean(measure.key))} against {measure.written(mean)}"
-            for entry in winners[:1]
-            for mean in [mine.mean(measure.key)]
-        ]
         unit = f" {measure.unit}" if measure.unit else ""
-        who = _and([entry.name for entry in winners])
-        if math.isfinite(own):
-            told.append(
-                f"{who} came nearer to the truth's {measure.name.lower()}: {values[0]}{unit}, the truth has {measure.written(own)}."
-            )
-        else:
-            told.append(f"{who} {'have' if len(winners) > 1 else 'has'} {measure.praise}: {values[0]}{unit}.")
-    return told
+        words = f"{measure.written(winners[0].mean(measure.key))}{unit} against {measure.written(mine.mean(measure.key))}"
+        words += f", the truth {measure.written(own)}" if math.isfinite(own) else ""
+        wins.setdefault(_and([entry.name for entry in winners]), []).append(f"{measure.praise} ({words})")
+    return [f"{who} {'have' if ' and ' in who else 'has'} {_and(which)}." for who, which in wins.items()]
 
 
 def _and(words: Sequence[str]) -> str:

@@ -36,7 +36,7 @@ def test_edges_sharper_than_the_truths_are_not_best() -> None:
     assert best(comparison(), "edge_width") == {"rsvideo"}  # 2.1 px, the truth has 2.0, uniform 1.5
     without = comparison(entries=comparison().entries[:-1], truth=None)
     assert best(without, "edge_width") == {"uniform"}
-    assert "uniform has sharper edges: 1.50 against 2.10 px." in summary(without)
+    assert "uniform has the better edge width (1.50 px against 2.10) and the better ringing (0.40 % against 0.50)." in summary(without)
 
 
 def test_the_recording_never_wins_by_its_blur() -> None:
