@@ -16,6 +16,8 @@ class Method(enum.StrEnum):
     RECTIFY = "rectify"  # the rolling shutter's distortion alone
     RECTIFY_UNIFORM = "rectify+uniform"
     RECTIFY_NONUNIFORM = "rectify+nonuniform"
+    VIDSTAB = "vidstab"  # whole frames steadied by FFmpeg's vid.stab, an extra
+    VIDSTAB_UNIFORM = "vidstab+uniform"
     GYRO = "gyro"  # along the motion that a gyroscope has recorded
     GYRO_REFINE = "gyro+refine"  # the project's own restoration, started there
 
@@ -25,6 +27,11 @@ class Method(enum.StrEnum):
         return self.startswith("rectify")
 
     @property
+    def steadied(self) -> bool:
+        """Whether vid.stab's frames take the place of the clip's."""
+        return self.startswith("vidstab")
+
+    @property
     def recorded(self) -> bool:
         """Whether a gyroscope's log is needed."""
         return self.startswith("gyro")
@@ -32,12 +39,12 @@ class Method(enum.StrEnum):
     @property
     def needs_lens(self) -> bool:
         """Whether a turn of the camera is more than a shift of the picture."""
-        return self not in (Method.NONE, Method.UNIFORM, Method.STITCH)
+        return self not in (Method.NONE, Method.UNIFORM, Method.STITCH, Method.VIDSTAB, Method.VIDSTAB_UNIFORM)
 
     @property
     def needs_clip(self) -> bool:
         """Whether the motion is seen between frames."""
-        return self.rectifies
+        return self.rectifies or self.steadied
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ who restores which chunk.
 
 import hashlib
 import json
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
@@ -34,7 +35,7 @@ from rsvideo.restoration import clip as clip_motion
 from rsvideo.restoration import steady, timing
 from rsvideo.restoration.blind import Settings
 from rsvideo.restoration.clip import Movement
-from rsvideo.video import colour, cuts, decode, planes
+from rsvideo.video import colour, cuts, decode, planes, vidstab
 from rsvideo.video.clip import Picture, Stream
 from rsvideo.video.encode import Encoding, Writer, chosen
 
@@ -198,6 +199,8 @@ def prepare(job: ClipJob) -> ClipTask:
             direction=job.direction,
             force=job.force,
         )
+    if job.method.steadied and not vidstab.available():
+        raise ValueError(f"the method {job.method} needs imageio-ffmpeg; pip install 'rsvideo[vidstab]' brings it")
     resolved = timing.resolve(asked, clip.shutter)
     camera = _camera(job, clip)
     settings = Settings(**job.steering)
@@ -307,6 +310,8 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
     """Restore a chunk into a file of `folder`."""
     begin, end = chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, task.last)
     pictures = list(_pictures(task, begin, end))
+    if task.job.method.steadied:
+        pictures = _steadied(task, pictures, folder)
     moving = _movement(task, pictures, lambda index: observe(index, "motion", 0.0))
     mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
     wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
@@ -321,6 +326,18 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
 
     sha256 = planes.write(folder / name, shown())
     return ChunkRecord(frames=records, file=name, sha256=sha256)
+
+
+def _steadied(task: ClipTask, pictures: list[Picture], folder: Path) -> list[Picture]:
+    """vid.stab's frames in place of the clip's; whoever comes first makes them, for all chunks."""
+    whole = folder / "vidstab.mkv"
+    if not whole.exists():
+        with tempfile.TemporaryDirectory(dir=folder) as name:
+            vidstab.stabilised(task.job.source, Path(name) / whole.name, Path(name)).replace(whole)
+    stream = decode.probe(whole)
+    steady = decode.pictures(stream, pictures[0].index, pictures[-1].index + 1)
+    laid = (colour.relaid(picture, stream.colour, replace(task.stream.colour, transfer=stream.colour.transfer)) for picture in steady)
+    return [replace(before, planes=after.planes) for before, after in zip(pictures, laid, strict=True)]
 
 
 def _results(

@@ -78,7 +78,7 @@ def run(asked: Treatment, frames: Iterable[Frame], moving: Movement, observe: Ca
 
 
 def untouched(asked: Treatment, frame: Frame, verdict: Verdict) -> FrameResult:
-    """The frame as it was."""
+    """The frame as it came."""
     return FrameResult(
         frame=frame,
         timing=asked.timing,
@@ -93,7 +93,9 @@ def untouched(asked: Treatment, frame: Frame, verdict: Verdict) -> FrameResult:
 def _single(asked: Treatment, frame: Frame, way: Trajectory | None) -> FrameResult:
     timing, camera, settings, source = asked.timing, asked.intrinsics, asked.settings, asked.timing_source
     match asked.method:
-        case Method.UNIFORM:
+        case Method.VIDSTAB:
+            return untouched(asked, frame, Verdict.RESTORED)  # which it was before it came here
+        case Method.UNIFORM | Method.VIDSTAB_UNIFORM:
             return uniform.restored(frame, timing, settings, timing_source=source)
         case Method.NONUNIFORM:
             return nonuniform.restored(frame, timing, camera, settings, timing_source=source)

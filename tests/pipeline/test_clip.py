@@ -14,7 +14,7 @@ from rsvideo.config.method import GyroFile, Method
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.pipeline.clip import AHEAD, LONGEST, WARM_UP, ChunkRecord, ClipJob, ClipTask, Outcome, chunks, finish, prepare, work
-from rsvideo.video import decode
+from rsvideo.video import decode, vidstab
 from rsvideo.video.clip import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets
@@ -267,3 +267,14 @@ def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: P
         t = np.array(frame.trajectory.t_s)
         true = path.at(t + frame.time_s) - path.at(np.array([frame.time_s + moving[0].timing.middle]))
         np.testing.assert_allclose(frame.trajectory.poses()[:, :2], true[:, :2], atol=0.3, err_msg=f"frame {k}")
+
+
+@pytest.mark.skipif(not vidstab.available(), reason="the extra `vidstab` is not installed")
+def test_vid_stabs_frames_take_the_place_of_the_clips(tmp_path: Path) -> None:
+    source = Moving(frames=10, exposure=0.5e-3, readout=0.01, rows=144, cols=208, reach=6.0).clip(tmp_path / "in.mkv")
+    task = prepare(asked(source, tmp_path / "out.mkv", exposure=0.01, readout=0.01, method=Method.VIDSTAB))
+    outcome, _ = carried_out(task, tmp_path)
+    assert outcome.restored == 10
+    expected = vidstab.stabilised(source, tmp_path / "expected.mkv", tmp_path)
+    for ours, theirs in zip(decoded(tmp_path / "out.mkv")[1], decoded(expected)[1], strict=True):
+        np.testing.assert_array_equal(ours[0], theirs[0])

@@ -55,6 +55,7 @@ def gain(latent: np.ndarray, k: int) -> float:
         (Method.RECTIFY, -0.1),
         pytest.param(Method.RECTIFY_UNIFORM, -6.0, marks=pytest.mark.long),
         pytest.param(Method.RECTIFY_NONUNIFORM, -6.0, marks=pytest.mark.long),
+        pytest.param(Method.VIDSTAB_UNIFORM, -9.0, marks=pytest.mark.long),
         (Method.GYRO, 3.0),
         pytest.param(Method.GYRO_REFINE, 3.0, marks=pytest.mark.long),
         (Method.RSVIDEO, 1.0),
