@@ -52,7 +52,7 @@ def aligned(image: Colours, truth: Colours) -> Aligned:
     b = grey[1][inside]
 
     def parts(shift: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        a = _moved(grey[0], shift)[inside]
+        a = _moved(grey[0], shift, border)
         a = a * np.float32(_scale(a, b))
         d = a - b
         return float(np.vdot(d, d)) / d.size, a, d
@@ -70,21 +70,31 @@ def aligned(image: Colours, truth: Colours) -> Aligned:
         if np.abs(step).max() <= _LEAST_STEP:
             break
         shift, (error, a, d) = shift + step, tried
-    simplex = shift + 0.15 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])  # what interpolation smooths, derivatives do not tell
-    shift = minimize(
-        lambda at: parts(at)[0],
-        shift,
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-8, "maxiter": 14},
-    ).x
-    a, b = _moved(image, shift)[inside], truth[inside]
-    return Aligned(image=a * image.dtype.type(_scale(a, b)), truth=b)
+    sure = truth[inside]
+
+    def pair(at: np.ndarray) -> Aligned:
+        a = _moved(image, at, border)
+        return Aligned(image=a * image.dtype.type(_scale(a, sure)), truth=sure)
+
+    def cost(at: np.ndarray) -> float:
+        d = pair(at)
+        d = (d.image - d.truth).ravel()
+        return float(np.vdot(d, d)) / d.size
+
+    simplex = shift + 0.15 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])  # how interpolation smooths noise, derivatives do not tell
+    best = minimize(cost, shift, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 0.04, "fatol": 3e-7, "maxiter": 10})
+    return pair(best.x)
 
 
-def _moved(image: np.ndarray, shift: np.ndarray) -> np.ndarray:
+def _moved(image: np.ndarray, shift: np.ndarray, border: int) -> np.ndarray:
+    """The inside of an image that is moved by `shift`; what lies further off than that is not looked at."""
+    reach = min(border, int(np.ceil(np.abs(shift).max())) + 3)
+    cut = border - reach
+    rows, cols = image.shape[:2]
+    near = image[cut : rows - cut, cut : cols - cut]
     matrix = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], np.float32)
-    out = cv2.warpAffine(image, matrix, image.shape[1::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-    return out.reshape(image.shape)
+    out = cv2.warpAffine(near, matrix, near.shape[1::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT).reshape(near.shape)
+    return out[reach : rows - 2 * cut - reach, reach : cols - 2 * cut - reach]
 
 
 def _scale(a: np.ndarray, b: np.ndarray) -> float:

@@ -37,10 +37,13 @@ def told() -> Sidecar:
 def comparison(**changed) -> Comparison:
     """Three frames: the recording, two methods, one that failed, and the truth."""
     said = told()
+    wide = {"ssim": [0.9] * 3, "straightness": [1.0] * 3, "flicker": [0.1] * 3}  # a table with all its columns
     entries = (
         entry("none", {"psnr": [20, 21, 22], "edge_width": [5, 5, 5], "ringing": [0.1] * 3}),
-        entry("rsvideo", {"psnr": [30, 31, 32], "edge_width": [2.1, 2.1, 2.1], "ringing": [0.5] * 3, "whiteness": [0.1] * 3}, sidecar=said),
-        entry("uniform", {"psnr": [25, 26, 33], "edge_width": [1.5, 1.5, 1.5], "ringing": [0.4] * 3}),
+        entry(
+            "rsvideo", {"psnr": [30, 31, 32], "edge_width": [2.1] * 3, "ringing": [0.5] * 3, "whiteness": [0.1] * 3, **wide}, sidecar=said
+        ),
+        entry("uniform", {"psnr": [25, 26, 33], "edge_width": [1.5] * 3, "ringing": [0.4] * 3, **wide}),
         Entry(name="stitch", role="method", fault="<b>no</b> texture", seconds=1.0),
         entry("truth", {"edge_width": [2.0, 2.0, 2.0]}, role="truth"),
     )
