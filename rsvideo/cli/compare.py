@@ -30,6 +30,8 @@ _ALL = (
     Method.RECTIFY_UNIFORM,
     Method.RECTIFY_NONUNIFORM,
     Method.STITCH,
+    Method.VIDSTAB,
+    Method.VIDSTAB_UNIFORM,
     Method.GYRO,
     Method.GYRO_REFINE,
 )
@@ -42,7 +44,7 @@ def compare(
     output: Annotated[Path | None, Option("-o", "--output", metavar="REPORT", help="A folder; with --table, a file.")] = None,
     methods: Annotated[
         str | None,
-        Option(metavar="A,B,...", help=f"Of {', '.join(_ALL)}. [default: all that apply; those of --table: {', '.join(_TABLE)}]"),
+        Option(metavar="A,B,...", help=f"Of {', '.join(Method)}. [default: all that apply; those of --table: {', '.join(_TABLE)}]"),
     ] = None,
     truth: Annotated[Path | None, Option(metavar="FILE", help="What is shown when nothing blurs; then PSNR and SSIM are told.")] = None,
     crop: Annotated[list[str] | None, Option(metavar="X,Y,W,H", help="A part to look at first; more than one may be given.")] = None,
@@ -160,7 +162,7 @@ def _methods(text: str) -> tuple[Method, ...]:
 
     names = [name.strip() for name in text.split(",") if name.strip()]
     if not names:
-        raise ValueError(f"--methods must name at least one method of {', '.join(_ALL)}, got {shown(text)!r}")
+        raise ValueError(f"--methods must name at least one method of {', '.join(Method)}, got {shown(text)!r}")
     for name in names:
         if name not in set(Method):
             raise ValueError(f"there is no method {shown(name)}{meant(name, list(Method))}")
@@ -329,7 +331,11 @@ def _carried_out(
 
 
 def _applying(*, clip: bool, recorded: bool) -> tuple[Method, ...]:
-    return tuple(name for name in _ALL if (clip or not name.needs_clip) and (recorded or not name.recorded))
+    from importlib.util import find_spec
+
+    peer = find_spec("imageio_ffmpeg") is not None  # an extra, which is tried where it is installed
+    applying = (name for name in _ALL if (clip or not name.needs_clip) and (recorded or not name.recorded))
+    return tuple(name for name in applying if peer or not name.steadied)
 
 
 def _name(source: Path) -> str:
