@@ -42,4 +42,5 @@ class FrameResult:
     latent: Float[np.ndarray, "rows cols channels"]  # linear light; the frame's own pixels where it was left as it was
     verdict: Verdict
     seconds: float
+    convergence: tuple[float, ...] = ()  # the objective after each step towards the trajectory
     psfs: Float[np.ndarray, "down across k k"] | None = None  # over a grid of the frame, where no trajectory tells them

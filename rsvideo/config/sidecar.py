@@ -75,6 +75,10 @@ class FrameRecord(_Record):
     """Of a clip: from the pose at this frame's middle to that at the next one's, x and y in px, roll in rad; None at a cut."""
     verdict: str
     seconds: Annotated[float, Field(ge=0)]
+    convergence: Annotated[list[Finite], Field(max_length=10_000)] = []
+    """The objective after each step of the last refinement of the trajectory."""
+    psfs: Annotated[list[list[list[list[Finite]]]], Field(max_length=64)] | None = None
+    """PSFs over a grid of the frame, (down, across, k, k), of methods that know no trajectory."""
 
 
 class Camera(_Record):
@@ -122,8 +126,8 @@ class Sidecar(_Record):
 
     def encode(self) -> bytes:
         """The JSON file."""
-        stills = all(frame.to_next is None for frame in self.frames)
-        return (self.model_dump_json(exclude={"frames": {"__all__": {"to_next"}}} if stills else None) + "\n").encode()
+        unsaid = {name for name in ("to_next", "convergence", "psfs") if not any(getattr(frame, name) for frame in self.frames)}
+        return (self.model_dump_json(exclude={"frames": {"__all__": unsaid}}) + "\n").encode()
 
     def timing(self, frame: FrameRecord) -> ShutterTiming:
         """The shutter of one frame."""

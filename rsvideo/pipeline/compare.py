@@ -399,15 +399,14 @@ def _residual(reel: _Reel, index: int, shots: Mapping[str, Shot], recorded: str)
     record = reel.records.get(index)
     if reel.sidecar is None or record is None or reel.name == recorded or recorded not in shots:
         return None
-    if record.verdict != Verdict.RESTORED or reel.name.startswith("rectify"):  # what was rectified is not what the camera saw
+    if record.verdict != Verdict.RESTORED or reel.name.startswith(("rectify", "vidstab")):  # what was moved is not what the camera saw
         return None
     b, valid = shots[recorded].light()
     latent, _ = shots[reel.name].light()
     if b.shape != latent.shape:
         return None
-    psfs = getattr(record, "psfs", None)
-    if psfs is not None:
-        again, border = _convolved(latent, np.asarray(psfs, np.float32))
+    if record.psfs is not None:
+        again, border = _convolved(latent, np.asarray(record.psfs, np.float32))
     elif np.any(record.trajectory.poses()):
         again, border = _moved(latent, record, reel.sidecar)
     else:

@@ -5,9 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from rsvideo.config import sidecar
 from rsvideo.frame import FrameResult
+
+_DIGITS = 5  # of the values of a PSF, whose sum is 1
 
 
 def check(source: Path, files: Sequence[Path], *, overwrite: bool) -> None:
@@ -39,4 +42,15 @@ def frame_record(result: FrameResult, to_next: np.ndarray | None = None) -> side
         to_next=None if to_next is None else [*to_next.tolist(), 0.0][:3],
         verdict=result.verdict,
         seconds=result.seconds,
+        convergence=list(result.convergence),
+        psfs=None if result.psfs is None else _trimmed(result.psfs).round(_DIGITS).tolist(),
     )
+
+
+def _trimmed(psfs: Float[np.ndarray, "down across k k"]) -> Float[np.ndarray, "down across n n"]:
+    """The kernels without the rim that is 0 in all of them."""
+    middle = psfs.shape[-1] // 2
+    _, _, y, x = np.nonzero(psfs)
+    reach = max(int(np.abs(y - middle).max(initial=0)), int(np.abs(x - middle).max(initial=0)))
+    kept = slice(middle - reach, middle + reach + 1)
+    return psfs[..., kept, kept]

@@ -29,6 +29,8 @@ _WORDS = {
     "rectify": "rolling shutter straightened, not deblurred",
     "rectify+uniform": "straightened, then one kernel a frame",
     "rectify+nonuniform": "straightened, then camera poses",
+    "vidstab": "steadied as whole frames, not deblurred",
+    "vidstab+uniform": "steadied, then one kernel a frame",
     "stitch": "blocks of rows, deblurred one by one",
     "gyro": "along the motion a gyroscope recorded",
     "gyro+refine": "rsvideo, started at the gyroscope's motion",
@@ -231,11 +233,10 @@ def _motions(comparison: Comparison, look: Look) -> list[Motion]:
         if record is None or entry.sidecar is None:
             continue
         moved = bool(np.any(record.trajectory.poses()))
-        given = getattr(record, "psfs", None)
-        if not moved and given is None:
+        if not moved and record.psfs is None:
             continue
-        tiles, across = _tiles(entry.sidecar, record, given)
-        steps = getattr(record, "convergence", None)
+        tiles, across = _tiles(entry.sidecar, record)
+        steps = record.convergence
         out.append(
             Motion(
                 name=entry.name,
@@ -243,15 +244,15 @@ def _motions(comparison: Comparison, look: Look) -> list[Motion]:
                 psfs=_data(_drawn(tiles, across), "image/png"),
                 psf_words=f"what a point of light becomes across the frame; each tile is {tiles.shape[-1]} px wide",
                 residual=_data(look.residuals[entry.name], "image/webp") if entry.name in look.residuals else "",
-                convergence=charts.falling(steps) if steps is not None and len(steps) > 1 else Markup(""),
+                convergence=charts.falling(steps) if len(steps) > 1 else Markup(""),
             )
         )
     return out
 
 
-def _tiles(said: Sidecar, record: FrameRecord, given: object) -> tuple[Float[np.ndarray, "tiles k k"], int]:
-    if given is not None:
-        psfs = np.asarray(given, float)
+def _tiles(said: Sidecar, record: FrameRecord) -> tuple[Float[np.ndarray, "tiles k k"], int]:
+    if record.psfs is not None:
+        psfs = np.asarray(record.psfs, float)
         return psfs.reshape(-1, *psfs.shape[2:]), psfs.shape[1]
     return plots.psfs(said, record)[1], plots.grid(said)[1]
 

@@ -66,6 +66,7 @@ class Iterate:
     fraction: float  # of the whole work, 0 to 1
     trajectory: Trajectory | None
     latent: np.ndarray | None
+    values: tuple[float, ...] = ()  # of the objective, step by step
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,6 +110,7 @@ def restore(
     turn = direction.pose_from_scanlines
     verdict = Verdict.RESTORED
     path: Trajectory | None = None
+    values: tuple[float, ...] = ()
     if trajectory is not None:
         axes = trajectory.coefficients.shape[1]
         path = trajectory.with_coefficients(trajectory.coefficients @ turn[:axes, :axes])
@@ -117,7 +119,7 @@ def restore(
     else:
         states = estimate(scene, settings) if start is None else corrected(scene, start.along(timing), settings)
         for iterate in states:
-            path = iterate.trajectory
+            path, values = iterate.trajectory, iterate.values
             observe(iterate)
         assert path is not None
         verdict = judge(scene, path)
@@ -144,6 +146,7 @@ def restore(
         latent=latent,
         verdict=verdict,
         seconds=time.monotonic() - started,
+        convergence=values,
     )
 
 
@@ -257,8 +260,8 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         runners = sorted(runners, key=lambda r: r.value)[:most]
         yield Iterate(stage="candidate paths", fraction=0.3 + 0.1 * (i + 1), trajectory=runners[0].trajectory, latent=None)
     winner = min(runners, key=lambda r: r.value + 0.05 * math.log(motion.energy(part, r.trajectory)))
-    best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8).trajectory
-    yield Iterate(stage="path", fraction=0.75, trajectory=best, latent=None)
+    best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8)
+    yield Iterate(stage="path", fraction=0.75, trajectory=best.trajectory, latent=None, values=best.values)
 
 
 def corrected(scene: Scene, start: Known, settings: Settings) -> Iterator[Iterate]:
@@ -275,10 +278,11 @@ def corrected(scene: Scene, start: Known, settings: Settings) -> Iterator[Iterat
     prior = Prior(mean=first.coefficients[1:], curvature=np.diag(spread**-2), weight=weight)
     part = replace(part, samples=max(part.samples, math.ceil(longest(part.timing, first))))
     yield Iterate(stage="path", fraction=0.1, trajectory=given, latent=None)
-    best = motion.refine(part, first, prior, ridge=part.ridge, steps=16).trajectory
+    best = motion.refine(part, first, prior, ridge=part.ridge, steps=16)
     finer = Spline(t0=t[0], t1=t[-1], coefficients=np.zeros((max(64, len(given.coefficients)), poses.shape[1])))
     t = np.linspace(*scene.timing.interval, 4 * len(finer.coefficients))
-    yield Iterate(stage="path", fraction=0.75, trajectory=fit(finer, t, given.at(t) + best.at(t) - first.at(t)), latent=None)
+    path = fit(finer, t, given.at(t) + best.trajectory.at(t) - first.at(t))
+    yield Iterate(stage="path", fraction=0.75, trajectory=path, latent=None, values=best.values)
 
 
 def _alternated(scene: Scene, start: Trajectory, settings: Settings) -> Iterator[Iterate]:

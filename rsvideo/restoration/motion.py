@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Complex, Float
 from numba import njit, prange
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Intrinsics
@@ -238,6 +238,7 @@ class Refined:
     value: float  # f(theta) and the prior
     moved: float  # px, RMS over the interval, from the start
     evaluations: int
+    values: tuple[float, ...]  # after each step
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -264,6 +265,11 @@ def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps
     def unpacked(z: np.ndarray) -> Trajectory:
         return start.with_coefficients(np.vstack([start.coefficients[:1], z.reshape(terms, axes) * unit]))
 
+    values: list[float] = []
+
+    def watched(intermediate_result: OptimizeResult) -> None:
+        values.append(float(intermediate_result.fun) / 100)
+
     def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
         trajectory = unpacked(z)
         value, gradient = objective(scene, trajectory, ridge)
@@ -271,11 +277,13 @@ def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps
         return 100 * (value + penalty), 100 * ((gradient[1:] + slope) * unit).ravel()
 
     options = {"maxiter": steps, "maxfun": steps + 6, "ftol": 1e-5}
-    found = minimize(penalised, (start.coefficients[1:] / unit).ravel(), jac=True, method="L-BFGS-B", options=options)
+    z = (start.coefficients[1:] / unit).ravel()
+    found = minimize(penalised, z, jac=True, method="L-BFGS-B", options=options, callback=watched)
     trajectory = unpacked(found.x)
     return Refined(
         trajectory=trajectory,
         value=float(found.fun) / 100,
         moved=float(np.linalg.norm((trajectory.coefficients - start.coefficients)[1:, :2])),
         evaluations=int(found.nfev),
+        values=tuple(values),
     )

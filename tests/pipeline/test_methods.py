@@ -1,5 +1,6 @@
 """Every method gives every frame back, and those that should straighten or sharpen do."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import pytest
 
 from rsvideo.config.method import GyroFile, Method
 from rsvideo.frame import Verdict
-from rsvideo.pipeline import methods, recorded
+from rsvideo.pipeline import methods, output, recorded
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.blind import Settings, ignore
@@ -80,3 +81,14 @@ def test_a_photograph_follows_a_recorded_motion(tmp_path: Path) -> None:
     result = methods.photograph(asked, moving().recorded[0], None, ignore)
     assert result.verdict is Verdict.RESTORED
     assert gain(result.latent, 0) > 3
+
+
+def test_the_record_of_a_frame_holds_its_psfs_without_their_empty_rim() -> None:
+    frame = moving().recorded[0]
+    psfs = np.zeros((1, 2, 9, 9))
+    psfs[0, 0, 4, 4], psfs[0, 1, 2, 4] = 1.0, 1.0
+    result = replace(methods.untouched(treatment(Method.NONE), frame, Verdict.RESTORED), psfs=psfs, convergence=(0.7, 0.6))
+    record = output.frame_record(result)
+    assert np.shape(record.psfs) == (1, 2, 5, 5)
+    assert np.array(record.psfs)[0, 1, 0, 2] == 1
+    assert record.convergence == [0.7, 0.6]
