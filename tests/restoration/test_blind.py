@@ -145,6 +145,12 @@ def test_the_work_can_be_watched_from_its_start_to_its_end(blindly):
     np.testing.assert_array_equal(seen[-1].latent, result.latent)
 
 
+def test_the_objective_falls_from_step_to_step(blindly):
+    values = blindly[1].convergence
+    assert len(values) >= 2
+    assert list(values) == sorted(values, reverse=True)
+
+
 @pytest.mark.parametrize("way", [Direction.TOP_TO_BOTTOM, Direction.RIGHT_TO_LEFT])
 def test_a_path_that_is_known_to_some_extent_is_corrected(way):
     camera = Intrinsics.centred(focal=300.0, rows=130, cols=190)
