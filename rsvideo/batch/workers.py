@@ -2,13 +2,7 @@
 
 import contextlib
 import errno
-import logging
-import multiprocessing
-import os
-import signal
-import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -17,11 +11,11 @@ from pathlib import Path
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.pipeline import clip as pipeline
+from rsvideo.pipeline import process
 from rsvideo.pipeline.clip import Chunk, ClipJob, ClipTask
 
 _EVERY = 0.1  # seconds between two words about one frame
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # no other clip would fare better
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +93,10 @@ class Crew:
         self._idle: list[_Worker] = []
         self._busy: dict[_Worker, Order] = {}
 
+    def _hired(self) -> _Worker:
+        connection, born = process.started(_serve, threads=self._threads, quiet=self._quiet)
+        return _Worker(process=born, connection=connection)
+
     @property
     def free(self) -> int:
         """How many more orders can be given."""
@@ -111,7 +109,7 @@ class Crew:
 
     def give(self, order: Order) -> None:
         """Hand an order to a worker."""
-        worker = self._idle.pop() if self._idle else _started(self._threads, quiet=self._quiet)
+        worker = self._idle.pop() if self._idle else self._hired()
         self._busy[worker] = order
         with contextlib.suppress(OSError):  # a worker that has died meanwhile is heard of below
             worker.connection.send(order)
@@ -145,67 +143,20 @@ class Crew:
 @contextlib.contextmanager
 def crew(*, most: int, quiet: bool) -> Iterator[Crew]:
     """A crew that is dismissed at the end; the cores are shared out among its workers."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if (wanted := os.environ.get("NUMBA_NUM_THREADS", "")).isdecimal():
-        cores = min(cores, most * int(wanted))
-    crew = Crew(most=most, threads=max(1, cores // most), quiet=quiet)
+    crew = Crew(most=most, threads=process.threads(most), quiet=quiet)
     try:
         yield crew
     finally:
         crew.dismiss()
 
 
-def _started(threads: int, *, quiet: bool) -> _Worker:
-    spawn = multiprocessing.get_context("spawn")
-    ours, theirs = spawn.Pipe()
-    process = spawn.Process(target=_serve, args=(theirs, quiet), daemon=True)
-    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # a worker is born deaf to them, and opens its ears when it can obey
-    one_each = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    patience = os.environ.get("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other
-    try:
-        with _environment(NUMBA_NUM_THREADS=str(threads), OMP_WAIT_POLICY=patience, **one_each):
-            process.start()  # these are read once, when the libraries are first imported
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-    theirs.close()
-    return _Worker(process=process, connection=ours)  # pyright: ignore[reportArgumentType] # Windows has another kind
-
-
-@contextlib.contextmanager
-def _environment(**values: str) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
 def _death(worker: _Worker) -> Failed:
     worker.connection.close()
-    worker.process.kill()
-    worker.process.join()
-    code = worker.process.exitcode or 0
-    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-    return Failed(words=f"a worker process ended ({how}{'; did memory run out?' if code == -signal.SIGKILL else ''})", again=True)
+    return Failed(words=f"a worker process {process.death(worker.process)}", again=True)
 
 
-def _serve(orders: Connection, quiet: bool) -> None:
+def _serve(orders: Connection) -> None:
     """What a worker does all its life."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to everyone; the parent decides
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-    threading.Thread(target=_follow_parent, daemon=True).start()
-    if quiet:
-        warnings.simplefilter("ignore")
-        logging.getLogger().addHandler(logging.NullHandler())
-        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 # what C libraries remark about a damaged file
-            os.dup2(nowhere.fileno(), 1)
-            os.dup2(nowhere.fileno(), 2)
     task: ClipTask | None = None
     job: ClipJob | None = None
     with contextlib.suppress(EOFError, OSError):
@@ -218,14 +169,6 @@ def _serve(orders: Connection, quiet: bool) -> None:
             except Exception as error:
                 said = _told(error)
             orders.send(said)
-
-
-def _follow_parent() -> None:
-    """Nobody is left to hear the answer: end, rather than work on beside the run that takes over."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    wait([parent.sentinel])
-    os._exit(1)
 
 
 def _carried_out(order: Order, task: ClipTask, observe: Callable[[int, str, float], None]) -> Done:

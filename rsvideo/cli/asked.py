@@ -3,13 +3,24 @@
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from rsvideo.pipeline.clip import ClipJob
-    from rsvideo.pipeline.job import Job
+from typing import Any
 
 _CLIPS = (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts")
+
+_CLIPS_ONLY = {
+    "shutter_angle": "--shutter-angle",
+    "scanlines_total": "--scanlines-total",
+    "span": "--range",
+    "rate": "--rate",
+    "frames": "--frames",
+    "side_by_side": "--side-by-side",
+    "path": "--path",
+    "on_damage": "--on-damage",
+    "codec": "--codec",
+    "quality": "--quality",
+    "pixel_format": "--pixel-format",
+    "force": "--force",
+}
 
 
 def is_clip(source: Path) -> bool:
@@ -17,8 +28,8 @@ def is_clip(source: Path) -> bool:
     return source.suffix.lower() in _CLIPS or source.is_dir() or any(mark in source.name for mark in "#%*")
 
 
-def job(source: Path, output: Path, words: Mapping[str, Any]) -> "Job | ClipJob":
-    """The job for a photograph or a clip; what `words` do not say is left to the file or to the method."""
+def job(source: Path, output: Path, words: Mapping[str, Any]) -> Any:
+    """The Job of a photograph or the ClipJob of a clip; what `words` do not say is left to the file or to the method."""
     from rsvideo.config.method import GyroFile
     from rsvideo.config.quantity import pixels, seconds, span
     from rsvideo.config.yaml import meant
@@ -48,10 +59,9 @@ def job(source: Path, output: Path, words: Mapping[str, Any]) -> "Job | ClipJob"
         return _made(ClipJob, {**defaults, **said, "source": source, "output": output})
     from rsvideo.pipeline.job import Job
 
-    clips_only = {"shutter_angle", "scanlines_total", "span", "rate", "force"} - {field.name for field in fields(Job)}
-    if wrong := sorted(name for name in clips_only & said.keys() if said[name]):
-        option = "range" if wrong[0] == "span" else wrong[0].replace("_", "-")
-        raise ValueError(f"--{option} concerns clips, {source} is taken for a photograph; clips are .mp4, .mov, .mkv or folders")
+    said_in = {name: value for part in (said, said.get("steering", {}), said.get("encoding", {})) for name, value in part.items()}
+    if wrong := next((option for name, option in _CLIPS_ONLY.items() if said_in.get(name)), None):
+        raise ValueError(f"{wrong} concerns clips, {source} is taken for a photograph; clips are .mp4, .mov, .mkv or folders")
     return _made(Job, {"steering": {}, **said, "source": source, "output": output})
 
 

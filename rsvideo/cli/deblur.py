@@ -89,79 +89,47 @@ def deblur(
 
     from rsvideo.cli.ending import RefusedError
     from rsvideo.config.files import UnreadableError
-    from rsvideo.config.quantity import pixels, seconds, span
-    from rsvideo.config.yaml import meant
-    from rsvideo.physics.shutter import Direction
-    from rsvideo.physics.tone import Transfer
 
     steering = {"motion": motion, "degree": degree, "start": start, "refinement": refinement, "prior": prior, "frames": frames}
     encoding = {"codec": codec, "quality": quality, "pixel_format": pixel_format}
-    clips_only = {
-        "--shutter-angle": shutter_angle,
-        "--scanlines-total": scanlines_total,
-        "--range": part,
-        "--rate": rate,
-        "--frames": frames,
-        "--side-by-side": side_by_side or None,
-        "--path": path if path != "keep" else None,
-        "--codec": codec,
-        "--quality": quality,
-        "--pixel-format": pixel_format,
-        "--force": force or None,
+    words = {
+        "exposure": exposure,
+        "shutter_angle": shutter_angle,
+        "readout": readout,
+        "row_time": row_time,
+        "scanlines_total": scanlines_total,
+        "direction": direction,
+        "focal_px": focal_px,
+        "camera": camera,
+        "transfer": transfer,
+        "trajectory": trajectory,
+        "method": method,
+        "block_rows": block_rows,
+        "gyro": GyroFile(path=gyro, offset=gyro_offset, axes=gyro_axes),
+        "steering": {name: value for name, value in steering.items() if value is not None},
+        "encoding": {name: value for name, value in encoding.items() if value is not None},
+        "path": path if path != "keep" else None,
+        "span": part,
+        "side_by_side": side_by_side or None,
+        "on_damage": on_damage if on_damage != "fail" else None,
+        "rate": rate,
+        "force": force or None,
+        "overwrite": overwrite,
     }
+
+    from rsvideo.cli import asked
+
     try:
-        if transfer is not None and transfer not in set(Transfer):
-            raise ValueError(f"transfer must be one of {', '.join(Transfer)}, got {transfer!r}" + meant(transfer, list(Transfer)))
-        asked = {
-            "source": source,
-            "output": output,
-            "exposure": None if exposure is None else seconds("exposure", exposure),
-            "readout": None if readout is None else seconds("readout", readout),
-            "row_time": None if row_time is None else seconds("row-time", row_time),
-            "focal_px": None if focal_px is None else pixels("focal-px", focal_px),
-            "trajectory": trajectory,
-            "method": method,
-            "block_rows": block_rows,
-            "gyro": GyroFile(path=gyro, offset=gyro_offset, axes=gyro_axes),
-            "camera": camera,
-            "direction": None if direction is None else Direction(direction),
-            "steering": {name: value for name, value in steering.items() if value is not None},
-            "overwrite": overwrite,
-        }
-        if _is_clip(source):
+        job = asked.job(source, output, words)
+        if asked.is_clip(source):
             from rsvideo.cli import clip
-            from rsvideo.pipeline.clip import ClipJob
 
-            job = ClipJob(
-                **asked,
-                transfer=transfer,
-                shutter_angle=shutter_angle,
-                scanlines_total=scanlines_total,
-                encoding={name: value for name, value in encoding.items() if value is not None},
-                path=path,
-                span=None if part is None else span(part),
-                side_by_side=side_by_side,
-                on_damage=on_damage,
-                rate=rate,
-                force=force,
-            )
             clip.deblur(job, json=json)
-            return
-        if wrong := next((name for name, value in clips_only.items() if value is not None), None):
-            raise ValueError(f"{wrong} concerns clips, {source} is taken for a photograph; clips are .mp4, .mov, .mkv or folders")
+        else:
+            from rsvideo.cli import photograph
 
-        from rsvideo.cli import photograph
-        from rsvideo.pipeline.job import Job
-
-        photograph.deblur(Job(**asked, transfer=Transfer(transfer) if transfer else None), json=json)
+            photograph.deblur(job, json=json)
     except UnreadableError:
         raise
     except ValueError as error:
         raise RefusedError(str(error)) from error
-
-
-def _is_clip(source: Path) -> bool:
-    """By its name: what is wrong with a file that is not what its name says is told when it is read."""
-    return source.suffix.lower() in (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts") or (
-        source.is_dir() or any(mark in source.name for mark in "#%*")
-    )

@@ -3,15 +3,9 @@
 import contextlib
 import hashlib
 import json
-import logging
-import multiprocessing
-import os
-import signal
 import tempfile
-import threading
 import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from multiprocessing.connection import Connection, wait
@@ -20,12 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.pipeline import process
 from rsvideo.pipeline.clip import ClipJob
 from rsvideo.pipeline.job import Job
 
 _EVERY = 0.1  # seconds between two words about the work
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,26 +71,27 @@ def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, show
     """Carry the orders out, `most` at a time, and hand over what each came to as it ends; whoever stops listening ends them all."""
     waiting, running = list(orders), dict[Connection, tuple[Order, BaseProcess]]()
     done = 0
-    threads = max(1, cores() // most)
+    threads = process.threads(most)
     try:
         while waiting or running:
             while waiting and len(running) < most:
                 order = waiting.pop(0)
                 order.job.output.parent.mkdir(parents=True, exist_ok=True)
                 order.note.unlink(missing_ok=True)
-                connection, process = _started(order, threads, quiet=quiet)
-                running[connection] = order, process
+                connection, child = process.started(_serve, order, threads=threads, quiet=quiet)
+                running[connection] = order, child
             for connection in wait(list(running)):
                 assert isinstance(connection, Connection)
-                order, process = running[connection]
+                order, child = running[connection]
                 try:
                     said = connection.recv()
                 except (EOFError, OSError):
-                    said = _death(order, process)
+                    fault = f"its process {process.death(child)}"
+                    said = Attempt(method=order.method, output=order.job.output, seconds=0.0, peak_bytes=0, fault=fault)
                 if not isinstance(said, Attempt):
                     show(f"{order.method}: {said[0]}", (done + said[1]) / len(orders))
                     continue
-                _ended(connection, process)
+                _ended(connection, child)
                 del running[connection]
                 done += 1
                 if said.fault is None:
@@ -106,9 +100,9 @@ def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, show
                     write_whole({order.note: json.dumps({**note, "fingerprint": _fingerprint(order)}).encode()})
                 yield said
     finally:
-        for connection, (_, process) in running.items():
-            process.kill()
-            _ended(connection, process)
+        for connection, (_, child) in running.items():
+            child.kill()
+            _ended(connection, child)
 
 
 def all_of(
@@ -137,73 +131,15 @@ def settle(job: Job | ClipJob) -> None:
             prepare_still(away)
 
 
-def cores() -> int:
-    """How many there are to work with."""
-    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    wanted = os.environ.get("NUMBA_NUM_THREADS", "")
-    return min(there, max(1, int(wanted))) if wanted.isdecimal() else there
-
-
-def _started(order: Order, threads: int, *, quiet: bool) -> tuple[Connection, BaseProcess]:
-    spawn = multiprocessing.get_context("spawn")
-    ours, theirs = spawn.Pipe(duplex=False)
-    process = spawn.Process(target=_serve, args=(theirs, order, quiet), daemon=True)
-    own = {
-        "NUMBA_NUM_THREADS": str(threads),
-        "OMP_WAIT_POLICY": os.environ.get("OMP_WAIT_POLICY", "passive"),
-        **dict.fromkeys(_THREADS, "1"),
-    }
-    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
-    try:
-        with _environment(own):
-            process.start()  # these are read once, when the libraries are first imported
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-    theirs.close()
-    return ours, process  # pyright: ignore[reportReturnType] # Windows has another kind
-
-
-@contextlib.contextmanager
-def _environment(values: Mapping[str, str]) -> Iterator[None]:
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-def _ended(connection: Connection, process: BaseProcess) -> None:
+def _ended(connection: Connection, child: BaseProcess) -> None:
     connection.close()
-    process.join(5)
-    process.kill()
-    process.join()
+    child.join(5)
+    child.kill()
+    child.join()
 
 
-def _death(order: Order, process: BaseProcess) -> Attempt:
-    process.join(5)
-    code = process.exitcode or 0
-    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-    words = f"its process ended ({how}{'; did memory run out?' if code == -signal.SIGKILL else ''})"
-    return Attempt(method=order.method, output=order.job.output, seconds=0.0, peak_bytes=0, fault=words)
-
-
-def _serve(connection: Connection, order: Order, quiet: bool) -> None:
+def _serve(connection: Connection, order: Order) -> None:
     """What a process does all its life."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to everyone; the parent decides
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
-    threading.Thread(target=_follow_parent, daemon=True).start()
-    if quiet:
-        warnings.simplefilter("ignore")
-        logging.getLogger().addHandler(logging.NullHandler())
-        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 # what C libraries remark about a damaged file
-            os.dup2(nowhere.fileno(), 1)
-            os.dup2(nowhere.fileno(), 2)
     last = -_EVERY
 
     def observe(stage: str, fraction: float) -> None:
@@ -234,14 +170,6 @@ def carried_out(order: Order, observe: Callable[[str, float], None]) -> Attempt:
     )
 
 
-def _follow_parent() -> None:
-    """Nobody is left to hear the answer."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    wait([parent.sentinel])
-    os._exit(1)
-
-
 def _clip(order: Order, observe: Callable[[str, float], None]) -> tuple[float, tuple[str, ...]]:
     """When the work began, and what is to be said."""
     from rsvideo.pipeline import clip
@@ -250,16 +178,7 @@ def _clip(order: Order, observe: Callable[[str, float], None]) -> tuple[float, t
     assert isinstance(job, ClipJob)
     begun = time.perf_counter()
     task = clip.prepare(replace(job, overwrite=True))
-    with tempfile.TemporaryDirectory(prefix=".rsvideo-", dir=job.output.parent) as name:
-        folder, records, done = Path(name), [], 0
-        for chunk in clip.chunks(task):
-
-            def heard(index: int, stage: str, fraction: float, chunk=chunk, done=done) -> None:
-                observe(f"frame {index}: {stage}", (done + max(0.0, index - chunk.first + fraction)) / task.frames)
-
-            records.append(clip.work(task, chunk, folder, heard))
-            done += chunk.last - chunk.first + 1
-        outcome = clip.finish(task, records, folder)
+    outcome = clip.carry_out(task, observe)
     return begun, (*task.notes, *outcome.notes)
 
 

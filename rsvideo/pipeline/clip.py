@@ -185,7 +185,7 @@ def prepare(job: ClipJob) -> ClipTask:
         stream = replace(stream, colour=replace(stream.colour, transfer=Transfer(job.transfer)))
     elif clip.profile and clip.profile.tone and not stream.colour.floating:
         stream = replace(stream, colour=replace(stream.colour, transfer=clip.profile.tone, clip=clip.profile.clip))
-    first, last = _span(job, stream)
+    first, last = span(job, stream)
     notes = clip.notes
     if job.method is Method.NONE:
         asked = timing.Asked(exposure=1e-3, readout=0.0)  # which nobody looks at
@@ -237,7 +237,7 @@ def _rate(words: str) -> Fraction:
     return rate
 
 
-def _span(job: ClipJob, stream: Stream) -> tuple[int, int]:
+def span(job: ClipJob, stream: Stream) -> tuple[int, int]:
     """Frames [first, last) that are shown within the span."""
     if job.span is None:
         return 0, stream.frames
@@ -413,6 +413,22 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
         failed=sum(f.verdict == Verdict.DAMAGED for f in frames),
         seconds=sum(f.seconds for f in frames),
     )
+
+
+def carry_out(task: ClipTask, observe: Callable[[str, float], None]) -> Outcome:
+    """The whole clip in this process, chunk after chunk; `observe` is told the stage, and how much of the whole is done."""
+    with tempfile.TemporaryDirectory(prefix=".rsvideo-", dir=task.job.output.parent) as name:
+        folder, done, records = Path(name), 0, []
+        observe("looking for cuts", 0.0)
+        for chunk in chunks(task):
+
+            def heard(index: int, stage: str, fraction: float, chunk=chunk, done=done) -> None:
+                observe(f"frame {index}: {stage}", (done + max(0.0, index - chunk.first + fraction)) / task.frames)
+
+            records.append(work(task, chunk, folder, heard))
+            done += chunk.last - chunk.first + 1
+        observe("encoding", 1.0)
+        return finish(task, records, folder)
 
 
 def _turned(task: ClipTask, picture: Picture, turn: np.ndarray, enlargement: float) -> Picture:

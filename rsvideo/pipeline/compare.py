@@ -24,8 +24,8 @@ from rsvideo.physics import tone
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline, centred, fit
-from rsvideo.pipeline import attempt
-from rsvideo.pipeline.attempt import Attempt, cores
+from rsvideo.pipeline import attempt, clip, process
+from rsvideo.pipeline.attempt import Attempt
 from rsvideo.pipeline.clip import ClipJob
 from rsvideo.pipeline.job import Job
 from rsvideo.report import metrics
@@ -115,7 +115,7 @@ def _check_truth(job: Job | ClipJob, truth: Path) -> None:
     stream, other = decode.probe(job.source, _rate(job), on_damage=job.on_damage), decode.probe(truth, _rate(job))
     if (stream.rows, stream.cols) != (other.rows, other.cols):
         raise ValueError(f"the truth must be of the input's size, {stream.cols} x {stream.rows}, {truth} is {other.cols} x {other.rows}")
-    first, last = _part(job, stream)
+    first, last = clip.span(job, stream)
     if other.frames not in (stream.frames, last - first):
         raise ValueError(f"the truth must have as many frames as the input, {stream.frames}, {truth} has {other.frames}")
 
@@ -156,7 +156,7 @@ def compared(
     before: dict[str, tuple[int, np.ndarray]] = {}
     looks: list[Look] = []
     key, area, left = 0, np.zeros((0, 0)), float(_PICTURES_BYTES)
-    with ThreadPoolExecutor(cores()) as pool:
+    with ThreadPoolExecutor(process.cores()) as pool:
         for n, (index, shots) in enumerate(_together(reels, plan)):
             show(f"measuring frame {index}", n / count)
             seen = [reel for reel in reels if reel.name in shots]
@@ -274,7 +274,7 @@ def _plan(job: Job | ClipJob) -> _Plan:
 
         return _Plan(kind="still", rows=rows, cols=cols, rate=Fraction(1), first=0, last=1, times=(0.0,), reel=one)
     stream = decode.probe(job.source, _rate(job), on_damage=job.on_damage)
-    first, last = _part(job, stream)
+    first, last = clip.span(job, stream)
     turned = stream.rotation // 90 % 2
 
     def many(path: Path, whole: bool) -> Iterator[Shot]:
@@ -296,14 +296,6 @@ def _plan(job: Job | ClipJob) -> _Plan:
 
 def _rate(job: ClipJob) -> Fraction | None:
     return None if job.rate is None else Fraction(job.rate)
-
-
-def _part(job: ClipJob, stream: Stream) -> tuple[int, int]:
-    if job.span is None:
-        return 0, stream.frames
-    seconds, tick = (stream.times - stream.times[0]) * float(stream.time_base), 0.6 * float(stream.time_base)
-    first, last = (int(np.searchsorted(seconds, t - tick)) for t in job.span)
-    return first, last
 
 
 def _reels(job: Job | ClipJob, attempts: Sequence[Attempt], truth: Path | None, plan: _Plan) -> list[_Reel]:

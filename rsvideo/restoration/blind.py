@@ -24,6 +24,7 @@ from rsvideo.restoration.strips import Candidate
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
 WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
+TILED_COLS = 96  # a narrower frame is one tile
 TRIAL_COLS = 560  # and candidates are compared on so many
 HEATS = ((3, False, 4), (6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
 COSTLIEST, DENSER = 2.3, 0.01  # see `judge`
@@ -216,7 +217,7 @@ def _scene(view: View, settings: Settings) -> Scene:
         timing=view.timing,
         intrinsics=view.intrinsics,
         samples=min(settings.samples, 24),
-        tiles=int(np.clip(round(grey.shape[1] / 120), 2, 6)),
+        tiles=int(np.clip(round(grey.shape[1] / 120), 2, 6)) if grey.shape[1] >= TILED_COLS else 1,
         noise=motion.noise_level(normalised),
     )
 

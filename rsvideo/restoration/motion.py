@@ -222,8 +222,10 @@ def energy(scene: Scene, trajectory: Trajectory) -> float:
         op = system.op
         latent = total_variation(system, mu, steps=25)
         blurred = op.image(op.forward(op.spectrum(latent)))[:, op.left : op.left + op.cols]
-        residual = (system.valid * (blurred - system.frame))[8:-8, 16:-16]
-        inside = system.crop(latent)[8:-8, 16:-16]
+        down, across = min(8, op.rows // 4), min(16, op.cols // 4)
+        away = np.s_[down : op.rows - down, across : op.cols - across]  # from the borders
+        residual = (system.valid * (blurred - system.frame))[away]
+        inside = system.crop(latent)[away]
         variation = np.abs(np.diff(inside, axis=0)).mean() + np.abs(np.diff(inside, axis=1)).mean()
         total += residual.size * float(0.5 * np.mean(residual**2) + mu * variation)
         pixels += residual.size

@@ -89,6 +89,7 @@ def test_the_record_of_a_frame_holds_its_psfs_without_their_empty_rim() -> None:
     psfs[0, 0, 4, 4], psfs[0, 1, 2, 4] = 1.0, 1.0
     result = replace(methods.untouched(treatment(Method.NONE), frame, Verdict.RESTORED), psfs=psfs, convergence=(0.7, 0.6))
     record = output.frame_record(result)
+    assert record.psfs is not None
     assert np.shape(record.psfs) == (1, 2, 5, 5)
     assert np.array(record.psfs)[0, 1, 0, 2] == 1
     assert record.convergence == [0.7, 0.6]

@@ -188,3 +188,10 @@ def test_a_picture_out_of_focus_is_not_restored_along_a_path_that_it_does_not_sh
     moved = straight.with_coefficients(np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.0]]))
     assert energy(scene, moved) < COSTLIEST * energy(scene, straight)  # the energy alone would have believed it
     assert judge(scene, moved) is Verdict.UNEXPLAINED
+
+
+def test_the_smallest_frames_can_be_restored():
+    rng, timing = np.random.default_rng(0), ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=32)
+    noise = cv2.GaussianBlur(rng.uniform(0, 1, (32, 32, 3)).astype(np.float32), (0, 0), 2)
+    camera = Intrinsics.centred(focal=60, rows=32, cols=32)
+    assert restore(frame(noise), timing, camera, Settings()).latent.shape == noise.shape

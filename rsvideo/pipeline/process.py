@@ -1,0 +1,89 @@
+"""Processes of our own: each with its share of the cores, quiet, deaf to the terminal, and gone when its parent is."""
+
+import contextlib
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_ONE_EACH = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # threads of libraries would multiply with numba's
+
+
+def cores() -> int:
+    """How many the system lets us use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def threads(most: int) -> int:
+    """For each of `most` processes: its share of the cores, or what the caller has chosen, if that is less."""
+    share, said = max(1, cores() // most), os.environ.get("NUMBA_NUM_THREADS", "")
+    return min(share, max(1, int(said))) if said.isdecimal() else share
+
+
+def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool) -> tuple[Connection, BaseProcess]:
+    """A process that calls target(connection, *words), and our end of the connection."""
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    process = spawn.Process(target=_live, args=(target, theirs, words, quiet), daemon=True)
+    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
+    patience = os.environ.get("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other
+    try:
+        with _environment(NUMBA_NUM_THREADS=str(threads), OMP_WAIT_POLICY=patience, **dict.fromkeys(_ONE_EACH, "1")):
+            process.start()  # these are read once, when the libraries are first imported
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    theirs.close()
+    return ours, process  # pyright: ignore[reportReturnType] # Windows has another kind
+
+
+def death(process: BaseProcess) -> str:
+    """How a process ended that has said nothing more; one that goes on all the same is killed."""
+    process.join(5)
+    process.kill()
+    process.join()
+    code = process.exitcode or 0
+    how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+    return f"ended ({how}{'; did memory run out?' if code == -signal.SIGKILL else ''})"
+
+
+@contextlib.contextmanager
+def _environment(**values: str) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _live(target: Callable[..., None], connection: Connection, words: tuple[Any, ...], quiet: bool) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to everyone; the parent decides
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    threading.Thread(target=_follow_parent, daemon=True).start()
+    if quiet:
+        warnings.simplefilter("ignore")
+        logging.getLogger().addHandler(logging.NullHandler())
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 # what C libraries remark about a damaged file
+            os.dup2(nowhere.fileno(), 1)
+            os.dup2(nowhere.fileno(), 2)
+    target(connection, *words)
+
+
+def _follow_parent() -> None:
+    """Nobody is left to hear the answer: end, rather than work on beside the run that takes over."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait([parent.sentinel])
+    os._exit(1)
