@@ -68,12 +68,9 @@ def restored(
     if verdict is Verdict.RESTORED:
         full = min(1.0, LARGEST / max(scene.frame.shape))
         kernel = fitted(_resized(scene.frame, full), uniform.SIZES, uniform.KERNELS)
-        psfs = kernel[None, None]
-        verdict = uniform.verdict_of([kernel])
-        if verdict is Verdict.RESTORED:
-            density = estimate(scene, full, kernel, settings.threads)
-            psfs = grid(density, view.intrinsics)
-            latent = uniform.solved(tiled_frame(view, density), settings, view.noise)
+        density = estimate(scene, full, kernel, settings.threads)
+        psfs = grid(density, view.intrinsics)
+        latent = uniform.solved(tiled_frame(view, density), settings, view.noise)
     return uniform.finished(frame, timing, timing_source, latent, psfs, verdict, started)
 
 

@@ -56,9 +56,7 @@ def restored(
     if verdict is Verdict.RESTORED:
         blocks = with_kernels(scene, split(len(scene.frame), block_rows), settings.threads)
         psfs = _side_by_side(blocks)
-        verdict = uniform.verdict_of([block.kernel for block in blocks])
-        if verdict is Verdict.RESTORED:
-            latent = stitched(view, blocks, settings)
+        latent = stitched(view, blocks, settings)
     return uniform.finished(frame, timing, timing_source, latent, psfs, verdict, started)
 
 

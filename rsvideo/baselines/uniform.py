@@ -5,7 +5,6 @@ along a trajectory, with the same denoiser, unknown borders and clipped pixels l
 """
 
 import time
-from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -36,8 +35,6 @@ def restored(frame: Frame, timing: ShutterTiming, settings: Settings, *, timing_
     if verdict is Verdict.RESTORED:
         kernel = fitted(blind.windowed(scene, blind.WINDOW_COLS).frame, SIZES, KERNELS)
         psfs = kernel[None, None]
-        verdict = verdict_of([kernel])
-    if verdict is Verdict.RESTORED and psfs is not None:
         latent = deconvolved(view.frame.pixels, view.frame.clipped, psfs[0, 0], settings, view.noise)
     return finished(frame, timing, timing_source, latent, psfs, verdict, started)
 
@@ -52,13 +49,15 @@ def seen(frame: Frame, timing: ShutterTiming, settings: Settings) -> tuple[View,
 
 
 def verdict_before(scene: Scene) -> Verdict:
-    """Whether there is texture to measure blur by."""
-    return Verdict.NO_TEXTURE if scene.gradient_power < max(1e-7, 8 * scene.noise**2) else Verdict.RESTORED
+    """Whether there is texture to measure blur by, and blur.
 
-
-def verdict_of(kernels: Sequence[Float[np.ndarray, "k k"]]) -> Verdict:
-    """Whether kernels are long enough for blur; the sharp latent image that they are found with has hard edges."""
-    return Verdict.SHARP if np.median([strips.length(k) for k in kernels]) < blind.SHARP_KERNEL else Verdict.RESTORED
+    Sharp frames are seen as such by strips' settings or by those of a whole frame, seldom by both.
+    """
+    if scene.gradient_power < max(1e-7, 8 * scene.noise**2):
+        return Verdict.NO_TEXTURE
+    part = blind.windowed(scene, blind.WINDOW_COLS).frame
+    shortest = min(strips.length(fitted(part, SIZES[:1], settings)) for settings in (KernelSettings(), KERNELS))
+    return Verdict.SHARP if shortest < blind.SHARP_KERNEL else Verdict.RESTORED
 
 
 def deconvolved(
