@@ -15,6 +15,7 @@ standard deviation; the light's frequency is taken as exact.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -253,7 +254,9 @@ class _Wave:
         """The most likely one nearby."""
         reach = 0.25 / self.runs.parts.shape[-1]
         bounds = (max(self.nu - reach, 0.1 * self.nu), self.nu + reach)
-        found = minimize_scalar(lambda nu: -self.likelihood(float(nu)), bounds=bounds, method="bounded", options={"xatol": 1e-5 * reach})
+        found: Any = minimize_scalar(
+            lambda nu: -self.likelihood(float(nu)), bounds=bounds, method="bounded", options={"xatol": 1e-5 * reach}
+        )
         return replace(self, nu=float(found.x))
 
     def alike(self) -> float:

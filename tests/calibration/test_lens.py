@@ -68,6 +68,7 @@ def test_views_that_are_left_out_choose_the_lens_that_made_them(model: str) -> N
     assert fit.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.1)
 
 
+@pytest.mark.long
 def test_errors_are_as_large_as_the_deviations_say() -> None:
     z = []
     for seed in range(5):
@@ -84,6 +85,7 @@ def test_a_view_that_weighs_nothing_changes_nothing() -> None:
         np.testing.assert_allclose(one.lens.numbers, other.lens.numbers, rtol=1e-3, atol=1e-3)
 
 
+@pytest.mark.long
 def test_a_board_that_was_bent_is_refused_with_its_error() -> None:
     good = made("brown-conrady", 12)
     rows = np.linspace(-1, 1, 54) ** 2

@@ -46,7 +46,9 @@ def found(pairs: list[Pair]) -> Explained:
     return explain(pairs, rows=ROWS, cols=COLS, period=1 / FPS)
 
 
-@pytest.mark.parametrize(("readout", "seed"), [(0.012, 1), (0.022, 2), (0.031, 5)])
+@pytest.mark.parametrize(
+    ("readout", "seed"), [pytest.param(0.012, 1, marks=pytest.mark.long), (0.022, 2), pytest.param(0.031, 5, marks=pytest.mark.long)]
+)
 def test_a_hands_motion_tells_the_readout(readout: float, seed: int) -> None:
     told = found(film(readout, seed=seed))
     assert told.readout == pytest.approx(readout, rel=0.05)
@@ -91,6 +93,7 @@ def test_points_that_are_too_few_say_nothing() -> None:
         found(film(0.02, frames=7))
 
 
+@pytest.mark.long
 def test_a_moving_thing_in_a_part_of_the_picture_does_not_mislead() -> None:
     pairs = film(0.02)
     moved = [np.where(p.before[:, :1] > 570, p.after + np.array([6.0, 3.0]), p.after) for p in pairs]

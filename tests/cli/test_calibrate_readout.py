@@ -152,6 +152,7 @@ def test_photographs_in_a_folder_are_measured_each_and_those_without_bands_are_t
     assert any("not used: 4.jpg: no bands stand out" in note for note in facts["notes"])
 
 
+@pytest.mark.long
 def test_hand_held_footage_tells_it_with_the_curvature_of_its_cost(hand_held: Path) -> None:
     code, facts = ran("--from-clip", hand_held)
     assert code == 0
