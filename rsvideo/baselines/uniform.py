@@ -17,10 +17,9 @@ from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import still
 from rsvideo.restoration import blind, deblur, strips
 from rsvideo.restoration.blind import Settings, View
-from rsvideo.restoration.kernel import KernelSettings, fitted
+from rsvideo.restoration.kernel import SIZES, KernelSettings, fitted
 from rsvideo.restoration.motion import Scene
 
-SIZES = (31, 47, 69)  # kernel sizes tried in turn while the blur fills the smaller one
 KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be told more sharply than a strip's
     ridge=0.002, sparsity=1.0, last_sparsity=0.3, finest_steps=10, floor=0.02, piece=0.1, border=True
 )

@@ -11,12 +11,11 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import still
 from rsvideo.restoration import kernel as uniform
-from rsvideo.restoration.kernel import KernelSettings
+from rsvideo.restoration.kernel import SIZES, KernelSettings
 from rsvideo.restoration.strips import Candidate, Strip, fit
 
 STRIPS = 5
 SHARE = 0.36  # of the frame's scanlines that a strip spans; neighbours overlap
-SIZES = (31, 47, 69)  # kernel sizes tried in turn while the blur fills the smaller one
 STIFFNESSES = (8e-3, 2e-3, 5e-4)  # of the prior on the path: stiff ones find the sense of time, soft ones strong curves
 
 
@@ -42,15 +41,9 @@ def strip_kernels(
         strips: list[Strip] = []
         for size in SIZES:
             strips = list(pool.map(lambda cell, size=size: strip(cell, size), cells))
-            if np.median([_border_share(s.kernel) for s in strips]) < 0.02:
+            if np.median([uniform.border_share(s.kernel) for s in strips]) < uniform.FULL:
                 break
     return strips
-
-
-def _border_share(kernel: Float[np.ndarray, "k k"]) -> float:
-    """The share of a kernel's mass in its outermost tenth."""
-    rim = max(1, len(kernel) // 10)
-    return 1 - float(kernel[rim:-rim, rim:-rim].sum())
 
 
 def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, *, degree: int, most: int) -> Iterator[Candidate]:

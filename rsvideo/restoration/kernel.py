@@ -14,6 +14,7 @@ import numpy as np
 import scipy.fft
 from jaxtyping import Complex, Float, Inexact
 
+SIZES = (31, 47, 69)  # tried in turn while the blur fills the smaller one
 FULL = 0.02  # a kernel with more than this share of its mass at its border needs a larger one
 
 
