@@ -15,7 +15,7 @@ from typing import Any
 from rsvideo.batch import fingerprint
 from rsvideo.pipeline.clip import Chunk
 
-_VERSION = 1
+_VERSION = 2
 _TABLES = """
 CREATE TABLE clip (output TEXT PRIMARY KEY, settings TEXT NOT NULL, source TEXT NOT NULL, chunks TEXT, result TEXT, ends TEXT);
 CREATE TABLE chunk (output TEXT NOT NULL, number INTEGER NOT NULL, record TEXT NOT NULL, PRIMARY KEY (output, number));
@@ -86,9 +86,9 @@ class Ledger:
         self._do("UPDATE clip SET chunks = ? WHERE output = ?", json.dumps([asdict(chunk) for chunk in chunks]), _key(output))
 
     def keep(self, output: str, number: int, record: str, made_in: Path) -> None:
-        """Take over a chunk's file from the folder it was made in, and note its record."""
-        name = json.loads(record)["file"]
-        (made_in / name).replace(self.place(output) / name)
+        """Take over a chunk's files from the folder they were made in, and note its record."""
+        for name in json.loads(record)["sha256"]:
+            (made_in / name).replace(self.place(output) / name)
         self._do("INSERT OR REPLACE INTO chunk VALUES (?, ?, ?)", _key(output), number, record)
 
     def ending(self, output: str) -> None:
@@ -186,7 +186,7 @@ def _not_written(error: sqlite3.OperationalError, path: Path) -> OSError:
 
 def _holds(place: Path, record: dict[str, Any]) -> bool:
     try:
-        return Path(record["file"]).name == record["file"] and fingerprint.of_file(place / record["file"]) == record["sha256"]
+        return all(Path(name).name == name and fingerprint.of_file(place / name) == held for name, held in record["sha256"].items())
     except OSError:
         return False
 

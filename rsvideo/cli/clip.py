@@ -1,5 +1,6 @@
 """How `rsvideo deblur` carries out one clip in this process; batches and resuming are `rsvideo run`."""
 
+import shutil
 import sys
 
 from rsvideo.pipeline.clip import ClipJob, carry_out, prepare
@@ -17,7 +18,8 @@ def deblur(job: ClipJob, *, json: bool) -> None:
     for note in outcome.notes:
         print(f"rsvideo: note: {note}", file=sys.stderr)
     if json:
-        print(task.record.read_text(encoding="utf-8"), end="")
+        with task.record.open(encoding="utf-8") as record:
+            shutil.copyfileobj(record, sys.stdout)
     else:
         told = f"{outcome.restored} frames restored, {outcome.left} left as they were, {outcome.failed} failed, {outcome.seconds:.0f} s"
         print(f"rsvideo: {told}: {job.output}", file=sys.stderr)

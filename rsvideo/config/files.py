@@ -2,7 +2,7 @@
 
 import contextlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 
@@ -24,14 +24,14 @@ def read_whole(path: Path, *, most: int) -> bytes:
         raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
 
 
-def write_whole(contents: Mapping[Path, bytes]) -> None:
-    """Write several files so that each appears complete, and none at all if one cannot be written."""
+def write_whole(contents: Mapping[Path, bytes | Iterable[bytes]]) -> None:
+    """Write several files, given whole or piece by piece, so that each appears complete, and none at all if one cannot be written."""
     parts = {path: path.with_name(path.name + ".part") for path in contents}
     at = None
     try:
         for at, data in contents.items():
             with parts[at].open("wb") as file:
-                file.write(data)
+                file.writelines([data] if isinstance(data, bytes) else data)
                 file.flush()
                 os.fsync(file.fileno())
         for path, part in parts.items():

@@ -11,7 +11,7 @@ on, as time 0.
 
 import enum
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,6 +61,15 @@ class Recording:
     header: Mapping[str, str]  # all that stands above the samples
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """Part of a path that is to be written: angles (pitch, yaw, roll) in rad at rising times, before and behind what they are for."""
+
+    t_s: Float[np.ndarray, " n"]
+    angles: Float[np.ndarray, "n 3"]
+    until: float  # s, where the next part takes over
+
+
 def rates(t_s: Float[np.ndarray, " n"], angles: Float[np.ndarray, "n 3"], at: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:
     """The camera's turning about its own axes in rad/s at the times `at`, of a cubic spline through sampled rotation vectors.
 
@@ -83,15 +92,32 @@ def encode(
 
     Samples stand as far apart as those given, from the middle of the first frame's interval on.
     """
-    if len(t_s) < 4 or not np.all(np.diff(t_s) > 0) or not (np.isfinite(t_s).all() and np.isfinite(angles).all()):
-        raise ValueError(f"a log needs at least 4 finite samples at rising times, got {len(t_s)}")
-    if not t_s[0] <= timing.middle < t_s[-1]:
-        raise ValueError(
-            f"samples must cover the middle of the first frame, {timing.middle:g} s, they cover {t_s[0]:g} to {t_s[-1]:g} s;"
-            " is their time 0 the opening of its first scanline?"
-        )
-    ticks = np.arange(0, (t_s[-1] - timing.middle) / _TICK, max(1, round(float(np.median(np.diff(t_s))) / _TICK)))
-    turning = rates(t_s, angles, np.minimum(timing.middle + ticks * _TICK, t_s[-1]))
+    return b"".join(encoded([Part(t_s=t_s, angles=angles, until=float(t_s[-1]))], timing=timing, video=video, model=model))
+
+
+def encoded(parts: Iterable[Part], *, timing: ShutterTiming, video: str = "", model: str = "virtual gyro") -> Iterator[bytes]:
+    """The same of a path that comes in parts, one after the other: memory does not grow with its length."""
+    step = number = 0
+    for part in parts:
+        t_s = part.t_s
+        if len(t_s) < 4 or not np.all(np.diff(t_s) > 0) or not (np.isfinite(t_s).all() and np.isfinite(part.angles).all()):
+            raise ValueError(f"a log needs at least 4 finite samples at rising times, got {len(t_s)}")
+        if not step:
+            if not t_s[0] <= timing.middle < t_s[-1]:
+                raise ValueError(
+                    f"samples must cover the middle of the first frame, {timing.middle:g} s, they cover {t_s[0]:g} to {t_s[-1]:g} s;"
+                    " is their time 0 the opening of its first scanline?"
+                )
+            step = max(1, round(float(np.median(np.diff(t_s))) / _TICK))
+            yield _header_of(timing, video, model)
+        ticks = np.arange(number * step, (part.until - timing.middle) / _TICK, step)
+        number += len(ticks)
+        turning = rates(t_s, part.angles, np.clip(timing.middle + ticks * _TICK, t_s[0], t_s[-1]))
+        lines = [f"{tick:.0f},{x:.9g},{y:.9g},{z:.9g}\n" for tick, (x, y, z) in zip(ticks.tolist(), turning.tolist(), strict=True)]
+        yield "".join(lines).encode()
+
+
+def _header_of(timing: ShutterTiming, video: str, model: str) -> bytes:
     header = {
         "version": "1.3",
         "id": _plain(model),
@@ -104,9 +130,7 @@ def encode(
         "tscale": f"{_TICK:f}",
         "gscale": "1.0",
     }
-    lines = [FIRST_LINES[0], *(f"{key},{value}" for key, value in header.items()), "t,gx,gy,gz"]
-    lines += [f"{tick:.0f},{x:.9g},{y:.9g},{z:.9g}" for tick, (x, y, z) in zip(ticks.tolist(), turning.tolist(), strict=True)]
-    return ("\n".join(lines) + "\n").encode()
+    return "\n".join([FIRST_LINES[0], *(f"{key},{value}" for key, value in header.items()), "t,gx,gy,gz", ""]).encode()
 
 
 def read(path: Path) -> Recording:

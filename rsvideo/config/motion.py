@@ -21,12 +21,38 @@ _TERMS = (8, 16, 32, 64, 128, 256, 512)
 _SLACK = 0.02  # of the interval, that a record may start late or end early, but by no more than one of its own steps
 
 
-def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics, *, index: int = 0, begins: float = 0.0) -> Trajectory:
-    """The motion in a file, with its pose at the middle of the frame's interval as the origin.
+def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
+    """The motion of a photograph in a file, with its pose at the middle of the frame's interval as the origin."""
+    return of_clip(path, timing, intrinsics, [(0, 0.0)])[0][0]
 
-    Of a clip's motion, that of frame `index`, which begins at `begins` seconds.
+
+def of_clip(
+    path: Path, timing: ShutterTiming, intrinsics: Intrinsics, frames: Sequence[tuple[int, float]]
+) -> tuple[list[Trajectory], list[list[float] | None]]:
+    """The motion within each of successive frames, given as (index, seconds at which it begins), and from each one's middle to the next's.
+
+    The latter is None at a cut, and of the last.
     """
-    t, poses = _from_sidecar(path, index) if path.suffix.lower() == ".json" else _from_csv(path, intrinsics, begins)
+    steps: list[list[float] | None] = [None] * len(frames)
+    if path.suffix.lower() == ".json":
+        held = sidecar.frames(path, {index for index, _ in frames})
+        if missing := [index for index, _ in frames if index not in held]:
+            raise UnreadableError(f"{path} must hold the motion of frame {missing[0]}, it does not; is it another clip's, or a part's?")
+        within = [(np.array(held[index].trajectory.t_s), held[index].trajectory.poses()) for index, _ in frames]
+        steps[:-1] = [held[index].to_next for index, _ in frames[:-1]]
+    else:
+        t, poses = _from_csv(path, intrinsics)
+        within = [(t - begins, poses) for _, begins in frames]
+        if len(frames) > 1:
+            at = CubicSpline(t, poses)(np.array([begins + timing.middle for _, begins in frames]))
+            steps[:-1] = np.diff(at, axis=0).tolist()
+    return [_within(path, t, poses, timing, intrinsics) for t, poses in within], steps
+
+
+def _within(
+    path: Path, t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"], timing: ShutterTiming, intrinsics: Intrinsics
+) -> Trajectory:
+    """The motion within one frame, from samples at the frame's own times."""
     start, end = timing.interval
     slack = max(1e-3 * (end - start), min(_SLACK * (end - start), float(np.median(np.diff(t)))))
     if t[0] > start + slack or t[-1] < end - slack:
@@ -39,23 +65,7 @@ def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics, *, index: in
     return centred(_spline(t, poses, timing.interval, intrinsics, path), timing.middle)
 
 
-def steps(path: Path, intrinsics: Intrinsics, middles: Sequence[tuple[int, float]]) -> list[list[float] | None]:
-    """From the pose at each frame's middle, given as (index, seconds), to that of the next one; None at a cut, and of the last."""
-    if path.suffix.lower() == ".json":
-        frames = {frame.index: frame for frame in sidecar.read(path).frames}
-        return [frames[index].to_next if index in frames and k + 1 < len(middles) else None for k, (index, _) in enumerate(middles)]
-    at = CubicSpline(*_from_csv(path, intrinsics, 0.0))(np.array([t for _, t in middles]))
-    return [*np.diff(at, axis=0).tolist(), None]
-
-
-def _from_sidecar(path: Path, index: int) -> tuple[np.ndarray, np.ndarray]:
-    frames = {frame.index: frame for frame in sidecar.read(path).frames}
-    if index not in frames:
-        raise UnreadableError(f"{path} must hold the motion of frame {index}, it holds frames {min(frames)} to {max(frames)}")
-    return np.array(frames[index].trajectory.t_s), frames[index].trajectory.poses()
-
-
-def _from_csv(path: Path, intrinsics: Intrinsics, begins: float) -> tuple[np.ndarray, np.ndarray]:
+def _from_csv(path: Path, intrinsics: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
     data = read_whole(path, most=sidecar.MOST_BYTES)
     try:
         lines = list(csv.reader(io.StringIO(data.decode("utf-8-sig")), strict=True))
@@ -71,7 +81,7 @@ def _from_csv(path: Path, intrinsics: Intrinsics, begins: float) -> tuple[np.nda
     t, pitch, yaw, roll = table.T
     if (late := np.flatnonzero(np.diff(t) <= 0)).size:
         raise UnreadableError(f"{path}: t_s must rise from line to line, it does not after {t[late[0]]:g} s")
-    return t - begins, np.stack([intrinsics.fx * yaw, -intrinsics.fy * pitch, roll], axis=1)
+    return t, np.stack([intrinsics.fx * yaw, -intrinsics.fy * pitch, roll], axis=1)
 
 
 def _numbers(path: Path, number: int, line: list[str], columns: list[int]) -> list[float]:

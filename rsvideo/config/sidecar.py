@@ -1,8 +1,14 @@
-"""The record beside a restored picture: what was done, with which timing, and the motion that was found."""
+"""The record beside a restored picture: what was done, with which timing, and the motion that was found.
 
+It is written, and where one line holds one frame also read, frame by frame: memory does not grow with the length of a clip.
+"""
+
+import json
 import math
+import re
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -13,6 +19,8 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 MOST_BYTES = 100_000_000
+_LONGEST_LINE = 16_000_000
+_INDEX = re.compile(rb'\{"index":(\d{1,12}),')
 _STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
 _FEWEST = 64  # samples
 
@@ -21,6 +29,9 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 class _Record(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+_Kind = TypeVar("_Kind", bound=_Record)
 
 
 class Timing(_Record):
@@ -80,6 +91,11 @@ class FrameRecord(_Record):
     psfs: Annotated[list[list[list[list[Finite]]]], Field(max_length=64)] | None = None
     """PSFs over a grid of the frame, (down, across, k, k), of methods that know no trajectory."""
 
+    def encode(self) -> bytes:
+        """One line of JSON, without what there is nothing to say of."""
+        unsaid = {name for name in ("to_next", "convergence", "psfs") if not getattr(self, name)}
+        return self.model_dump_json(exclude=unsaid).encode()
+
 
 class Camera(_Record):
     """The pinhole camera that was assumed, in pixels, and where its focal length came from."""
@@ -126,8 +142,7 @@ class Sidecar(_Record):
 
     def encode(self) -> bytes:
         """The JSON file."""
-        unsaid = {name for name in ("to_next", "convergence", "psfs") if not any(getattr(frame, name) for frame in self.frames)}
-        return (self.model_dump_json(exclude={"frames": {"__all__": unsaid}}) + "\n").encode()
+        return b"".join(encoded(self.input, self.settings, self.frames))
 
     def timing(self, frame: FrameRecord) -> ShutterTiming:
         """The shutter of one frame."""
@@ -136,11 +151,46 @@ class Sidecar(_Record):
         return ShutterTiming(exposure=frame.timing.exposure_s, row_time=frame.timing.row_time_s, rows=scanlines, direction=direction)
 
 
+def encoded(source: str, settings: Settings, frames: Iterable[FrameRecord]) -> Iterator[bytes]:
+    """The JSON file piece by piece: a line for what concerns all frames, and one for each frame."""
+    yield f'{{"version":1,"input":{json.dumps(source)},"settings":{settings.model_dump_json()},"frames":['.encode()
+    for number, frame in enumerate(frames):
+        yield (b",\n" if number else b"\n") + frame.encode()
+    yield b"\n]}\n"
+
+
 def read(path: Path) -> Sidecar:
     """The sidecar in a file; the first fault is named with its key."""
-    data = read_whole(path, most=MOST_BYTES)
+    return _understood(Sidecar, path, read_whole(path, most=MOST_BYTES))
+
+
+def frames(path: Path, wanted: Collection[int]) -> dict[int, FrameRecord]:
+    """The frames of these indices, as far as the file holds them; others are not kept."""
+    lines = _lines(path)
+    found: dict[int, FrameRecord] = {}
+    while (line := next(lines, None)) != b"]}\n":
+        said = None if line is None else _INDEX.match(line)
+        if line is None or said is None:  # it was written by others
+            return {frame.index: frame for frame in read(path).frames if frame.index in wanted}
+        if (index := int(said[1])) in wanted:
+            found[index] = _understood(FrameRecord, path, line.rstrip(b",\n"))
+    return found
+
+
+def _lines(path: Path) -> Iterator[bytes]:
+    """The lines that `encoded` writes below the first; fewer where the file was not written by it."""
     try:
-        return Sidecar.model_validate_json(data)
+        with path.open("rb") as file:
+            if file.readline(_LONGEST_LINE).endswith(b'"frames":[\n'):
+                while (line := file.readline(_LONGEST_LINE)).endswith(b"\n"):
+                    yield line
+    except OSError as error:
+        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
+
+
+def _understood(kind: type[_Kind], path: Path, data: bytes) -> _Kind:
+    try:
+        return kind.model_validate_json(data)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])

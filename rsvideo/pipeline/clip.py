@@ -7,7 +7,8 @@ who restores which chunk.
 import hashlib
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from importlib.metadata import version
@@ -27,11 +28,9 @@ from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
-from rsvideo.physics.trajectory import Trajectory
-from rsvideo.pipeline import known, methods, output, recorded
+from rsvideo.pipeline import known, log, methods, output, recorded
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.recorded import Gyro
-from rsvideo.restoration import clip as clip_motion
 from rsvideo.restoration import steady, timing
 from rsvideo.restoration.blind import Settings
 from rsvideo.restoration.clip import Movement
@@ -156,11 +155,11 @@ class Chunk:
 
 
 class ChunkRecord(BaseModel):
-    """A chunk that was restored: what became of its frames, and the file that holds them."""
+    """A chunk that was restored: the files that hold its frames, and a line on what became of each."""
 
-    frames: list[FrameRecord]
-    file: str
-    sha256: str
+    pictures: str
+    frames: str
+    sha256: dict[str, str]  # of both, by their names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -315,17 +314,31 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
     moving = _movement(task, pictures, lambda index: observe(index, "motion", 0.0))
     mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
     wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
-    name = f"{chunk.index:06}.zip"
-    records: list[FrameRecord] = []
+    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
+    lines: list[bytes] = []
 
     def shown() -> Iterator[Picture]:
         for k, (picture, result) in enumerate(zip(wanted, _results(task, wanted, moving, observe), strict=True)):
-            records.append(output.frame_record(result, moving.steps[k] if moving.tied[k] else None))
+            lines.append(output.frame_record(result, moving.steps[k] if moving.tied[k] else None).encode() + b"\n")
             restored = result.verdict is Verdict.RESTORED
             yield colour.codes(result.latent, picture, task.stream.colour) if restored else picture
 
-    sha256 = planes.write(folder / name, shown())
-    return ChunkRecord(frames=records, file=name, sha256=sha256)
+    record.sha256[record.pictures] = planes.write(folder / record.pictures, shown())
+    write_whole({folder / record.frames: b"".join(lines)})
+    record.sha256[record.frames] = hashlib.sha256(b"".join(lines)).hexdigest()
+    return record
+
+
+def told(records: Iterable[ChunkRecord], folder: Path) -> Iterator[FrameRecord]:
+    """What became of the frames, one after the other; raises UnreadableError."""
+    for record in records:
+        path = folder / record.frames
+        try:
+            with path.open("rb") as file:
+                for line in file:
+                    yield FrameRecord.model_validate_json(line)
+        except (OSError, ValueError) as error:
+            raise UnreadableError(f"{path} is damaged: {error}") from error
 
 
 def _steadied(task: ClipTask, pictures: list[Picture], folder: Path) -> list[Picture]:
@@ -366,53 +379,61 @@ def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[in
     """The motion within each frame, and from each to the next."""
     camera = task.camera.intrinsics
     if task.job.trajectory is not None:
-        given, timing = task.job.trajectory, task.timing
-        ways: list[Trajectory | None] = [motion_file.read(given, timing, camera, index=p.index, begins=p.time) for p in pictures]
-        steps = motion_file.steps(given, camera, [(p.index, p.time + timing.middle) for p in pictures])
+        ways, steps = motion_file.of_clip(task.job.trajectory, task.timing, camera, [(p.index, p.time) for p in pictures])
         tied = [step is not None for step in steps]
-        return Movement(within=ways, steps=np.array([[0.0] * 3 if step is None else step for step in steps]), tied=tied)
+        return Movement(within=[*ways], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
     begins = np.array([p.time for p in pictures])
     return methods.movement(task.treatment, (_frame(task.stream, p) for p in pictures), begins, observe)
 
 
 def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     """Encode the restored frames as the original was; then the sidecar and the gyroscope's log."""
-    frames = [frame for record in records for frame in record.frames]
     stream, camera = task.stream, task.camera.intrinsics
-    turns, enlargement = np.zeros((len(frames), 3)), 1.0
-    if task.job.path == "smooth":
-        turns, enlargement = steady.corrections([frame.to_next for frame in frames], float(stream.rate), camera)
+    kept, steps, verdicts, seconds = _gist(told(records, folder))
     pictures = chain.from_iterable(
-        planes.read(folder / record.file, stream, [frame.index for frame in record.frames]) for record in records
+        planes.read(folder / record.pictures, stream, (frame.index for frame in told([record], folder))) for record in records
     )
+    enlargement = 1.0
     if task.job.path == "smooth":
+        turns, enlargement = steady.corrections(steps, float(stream.rate), camera)
         pictures = (_turned(task, p, turn, enlargement) for p, turn in zip(pictures, turns, strict=True))
     if task.job.side_by_side:
         even = stream.cols - stream.cols % 2  # so that chroma samples stay with their pixels
         pictures = (_beside(before, after, even) for before, after in zip(_pictures(task), pictures, strict=True))
         stream = replace(stream, cols=even + stream.cols)
     last = task.last
-    if len(frames) < task.frames:  # damaged ones were left out
-        kept = [frame.index for frame in frames]
+    if len(kept) < task.frames:  # damaged ones were left out
         stream = replace(stream, times=np.concatenate([stream.times[: task.first], stream.times[kept], stream.times[last:]]))
         last = task.first + len(kept)
     with Writer(task.job.output, stream, task.encoding, first=task.first, last=last) as writer:
         for picture in pictures:
             writer.write(picture)
-    files = {task.record: _record(task, frames).encode()}
     notes = writer.notes
-    if task.job.method is not Method.NONE and (log := _log(task, frames)):
-        files[task.log] = log
+    files = {task.record: sidecar.encoded(str(task.job.source), _settings(task), told(records, folder))}
+    if task.job.method is not Method.NONE and len(kept) > 1:
+        motion = log.parts(told(records, folder), task.timing, camera)
+        files[task.log] = gcsv.encoded(motion, timing=task.timing, video=task.job.output.name, model="rsvideo")
     write_whole(files)
     if task.job.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
     return Outcome(
         notes=notes,
-        restored=sum(f.verdict == Verdict.RESTORED for f in frames),
-        left=sum(f.verdict not in (Verdict.RESTORED, Verdict.DAMAGED) for f in frames),
-        failed=sum(f.verdict == Verdict.DAMAGED for f in frames),
-        seconds=sum(f.seconds for f in frames),
+        restored=verdicts[Verdict.RESTORED],
+        left=verdicts.total() - verdicts[Verdict.RESTORED] - verdicts[Verdict.DAMAGED],
+        failed=verdicts[Verdict.DAMAGED],
+        seconds=seconds,
     )
+
+
+def _gist(frames: Iterable[FrameRecord]) -> tuple[list[int], list[list[float] | None], Counter[str], float]:
+    """Of all frames: their indices, the steps from each to the next, how many met which verdict, and the seconds of work."""
+    kept, steps, verdicts, seconds = [], [], Counter[str](), 0.0
+    for frame in frames:
+        kept.append(frame.index)
+        steps.append(frame.to_next)
+        verdicts[frame.verdict] += 1
+        seconds += frame.seconds
+    return kept, steps, verdicts, seconds
 
 
 def carry_out(task: ClipTask, observe: Callable[[str, float], None]) -> Outcome:
@@ -443,20 +464,16 @@ def _beside(before: Picture, after: Picture, cols: int) -> Picture:
     return replace(after, planes=tuple(np.hstack(pair) for pair in zip(left, after.planes, strict=True)))
 
 
-def _record(task: ClipTask, frames: list[FrameRecord]) -> sidecar.Sidecar:
-    return sidecar.Sidecar(
-        input=str(task.job.source),
-        settings=sidecar.Settings(
-            rsvideo=version("rsvideo"),
-            camera=task.camera,
-            direction=task.timing.direction,
-            transfer=task.stream.colour.transfer.value,
-            trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
-            restoration=json.loads(json.dumps(asdict(task.settings))),
-            input_sha256=_sha256(task.stream),
-            encoding=json.loads(json.dumps(asdict(task.encoding))),
-        ),
-        frames=frames,
+def _settings(task: ClipTask) -> sidecar.Settings:
+    return sidecar.Settings(
+        rsvideo=version("rsvideo"),
+        camera=task.camera,
+        direction=task.timing.direction,
+        transfer=task.stream.colour.transfer.value,
+        trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
+        restoration=json.loads(json.dumps(asdict(task.settings))),
+        input_sha256=_sha256(task.stream),
+        encoding=json.loads(json.dumps(asdict(task.encoding))),
     )
 
 
@@ -468,19 +485,3 @@ def _sha256(stream: Stream) -> str:
             while block := file.read(1 << 20):
                 digest.update(block)
     return digest.hexdigest()
-
-
-def _log(task: ClipTask, frames: list[FrameRecord]) -> bytes | None:
-    """The motion over the whole clip as a gyroscope would have recorded it; None of less than two frames."""
-    if len(frames) < 2:
-        return None
-    steps = np.array([frame.to_next or [0.0] * 3 for frame in frames])
-    t, poses = clip_motion.joined(
-        np.array([f.time_s for f in frames]),
-        [(np.array(f.trajectory.t_s), f.trajectory.poses()) for f in frames],
-        steps,
-        task.timing,
-    )
-    c = task.camera.intrinsics
-    angles = np.stack([-poses[:, 1] / c.fy, poses[:, 0] / c.fx, poses[:, 2]], axis=1)
-    return gcsv.encode(t - t[0], angles, timing=task.timing, video=task.job.output.name, model="rsvideo")

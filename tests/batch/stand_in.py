@@ -101,9 +101,8 @@ class ClipTask:
 class ChunkRecord(BaseModel):
     """As in rsvideo.pipeline.clip."""
 
-    frames: list[int]
-    file: str
-    sha256: str
+    pictures: str
+    sha256: dict[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,12 +158,11 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
             made.append(value)
     name = f"{chunk.index:05}.bytes"
     write_whole({folder / name: bytes(made)})
-    return ChunkRecord(frames=list(made), file=name, sha256=hashlib.sha256(made).hexdigest())
+    return ChunkRecord(pictures=name, sha256={name: hashlib.sha256(made).hexdigest()})
 
 
 def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
-    made = b"".join((folder / record.file).read_bytes() for record in records)
-    assert made == bytes(value for record in records for value in record.frames)
+    made = b"".join((folder / record.pictures).read_bytes() for record in records)
     write_whole({task.job.output: made, task.record: repr(sorted(task.job.steering.items())).encode()})
     if os.environ.get("ORPHANED") == task.job.source.name:
         Path(os.environ["TALLY"]).write_text(f"{os.getpid()}")

@@ -28,4 +28,4 @@ def test_what_comes_out_has_what_is_read_from_it() -> None:
     for name in ("job", "timing", "timing_source", "notes", "frames", "rows", "cols", "record", "estimate"):
         assert name in {field.name for field in dataclasses.fields(core.ClipTask)} | set(vars(core.ClipTask))
     assert {"notes", "restored", "left", "failed", "seconds"} <= {field.name for field in dataclasses.fields(core.Outcome)}
-    assert {"frames", "file", "sha256"} <= set(core.ChunkRecord.model_fields)
+    assert {"pictures", "sha256"} <= set(core.ChunkRecord.model_fields)

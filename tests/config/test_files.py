@@ -33,6 +33,19 @@ def test_if_one_file_cannot_be_written_none_appears(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_may_come_piece_by_piece_and_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    write_whole({tmp_path / "a": iter([b"one ", b"two"])})
+    assert (tmp_path / "a").read_bytes() == b"one two"
+
+    def broken() -> Iterator[bytes]:
+        yield b"one"
+        raise UnreadableError("the rest is damaged")
+
+    with pytest.raises(UnreadableError, match="the rest"):
+        write_whole({tmp_path / "b": b"whole", tmp_path / "c": broken()})
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
 def test_a_failed_write_leaves_the_older_file_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "picture"
     path.write_bytes(b"older")

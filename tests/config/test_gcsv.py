@@ -115,6 +115,16 @@ def test_what_is_written_is_read_again(tmp_path: Path, direction: Direction) -> 
     np.testing.assert_allclose(recording.log.rates, truth, rtol=1e-8, atol=1e-9)
 
 
+def test_a_path_in_parts_is_written_as_the_whole_is(tmp_path: Path) -> None:
+    whole = gcsv.read(written(tmp_path, SHAKE)).log
+    edges = [(0, 300, 0.25), (200, 700, 0.6503), (600, 1001, 1.0)]
+    parts = [gcsv.Part(t_s=T[a:b], angles=SHAKE[a:b], until=until) for a, b, until in edges]
+    (tmp_path / "parts.gcsv").write_bytes(b"".join(gcsv.encoded(parts, timing=TIMING)))
+    other = gcsv.read(tmp_path / "parts.gcsv").log
+    np.testing.assert_array_equal(other.times, whole.times)
+    np.testing.assert_allclose(other.rates, whole.rates, atol=1e-7)
+
+
 def test_our_reader_and_gyroflows_agree_for_every_orientation(tmp_path: Path) -> None:
     path = written(tmp_path, SHAKE)
     text = path.read_text()

@@ -1,11 +1,13 @@
 import json
+import tracemalloc
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rsvideo.config import motion, sidecar
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
@@ -46,6 +48,56 @@ def test_a_sidecar_comes_back_as_it_was_written(tmp_path: Path) -> None:
     path = tmp_path / "out.rsvideo.json"
     path.write_bytes(example().encode())
     assert sidecar.read(path) == example()
+
+
+def of_many(path: Path, count: int) -> sidecar.Sidecar:
+    one = example()
+    frames = [one.frames[0].model_copy(update={"index": k, "to_next": [1.0, 2.0, 0.0] if k % 2 else None}) for k in range(3, 3 + count)]
+    made = one.model_copy(update={"frames": frames})
+    path.write_bytes(made.encode())
+    return made
+
+
+@pytest.mark.parametrize("written", ["by us", "by others", "cut short by others"])
+def test_chosen_frames_are_found_however_the_file_is_laid_out(tmp_path: Path, written: str) -> None:
+    path = tmp_path / "out.rsvideo.json"
+    made = of_many(path, 5)
+    if written != "by us":
+        path.write_text(json.dumps(json.loads(path.read_text()), indent=2))
+    if written == "cut short by others":
+        path.write_text(path.read_text()[:-20])
+        with pytest.raises(UnreadableError, match=r"out\.rsvideo\.json"):
+            sidecar.frames(path, {4})
+    else:
+        assert sidecar.frames(path, {4, 7, 99}) == {4: made.frames[1], 7: made.frames[4]}
+        assert sidecar.read(path) == made
+
+
+def test_a_sidecar_that_is_cut_short_or_absent_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "out.rsvideo.json"
+    of_many(path, 5)
+    path.write_bytes(path.read_bytes()[:-40])
+    for each in (path, tmp_path / "absent.json"):
+        with pytest.raises(UnreadableError, match=each.name):
+            sidecar.frames(each, {4})
+
+
+def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:
+    one = example()
+
+    def peak(count: int) -> int:
+        def frames() -> Iterator[sidecar.FrameRecord]:
+            for index in range(count):
+                yield one.frames[0].model_copy(update={"index": index})
+
+        tracemalloc.start()
+        write_whole({tmp_path / "x.json": sidecar.encoded("in.mp4", one.settings, frames())})
+        assert list(sidecar.frames(tmp_path / "x.json", {count - 1})) == [count - 1]
+        _, most = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        return most
+
+    assert peak(200) < 2 * peak(20)
 
 
 def test_its_keys_are_those_that_are_promised() -> None:

@@ -13,7 +13,7 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import GyroFile, Method
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
-from rsvideo.pipeline.clip import AHEAD, LONGEST, WARM_UP, ChunkRecord, ClipJob, ClipTask, Outcome, chunks, finish, prepare, work
+from rsvideo.pipeline.clip import AHEAD, LONGEST, WARM_UP, ChunkRecord, ClipJob, ClipTask, Outcome, chunks, finish, prepare, told, work
 from rsvideo.video import decode, vidstab
 from rsvideo.video.clip import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
@@ -172,7 +172,7 @@ def test_a_null_run_keeps_every_bit_time_and_packet(tmp_path: Path, layout: str)
     assert [int(t) * before.time_base for t in before.times] == [int(t) * after.time_base for t in after.times]
     assert packets(source, "audio") == packets(tmp_path / "out.mkv", "audio") != []
     assert (outcome.restored, outcome.left, outcome.failed) == (0, 8, 0)
-    assert {frame.verdict for record in records for frame in record.frames} == {"left as it was: no restoration was asked for"}
+    assert {frame.verdict for frame in told(records, tmp_path)} == {"left as it was: no restoration was asked for"}
     assert not (tmp_path / "out.gcsv").exists()
 
 
@@ -221,12 +221,12 @@ def test_a_chunk_restored_twice_and_in_any_order_has_the_same_bytes(moving: tupl
     again = prepare(task.job)
     other = [work(again, chunk, folders[1], silent) for chunk in reversed(cut)][::-1]
     for a, b in zip(one, other, strict=True):
-        assert a.sha256 == b.sha256
-        assert (folders[0] / a.file).read_bytes() == (folders[1] / b.file).read_bytes()
-        assert [frame.to_next for frame in a.frames] == [frame.to_next for frame in b.frames]
-        assert [f.trajectory for f in a.frames] == [f.trajectory for f in b.frames]
+        assert a.sha256[a.pictures] == b.sha256[b.pictures]
+        assert (folders[0] / a.pictures).read_bytes() == (folders[1] / b.pictures).read_bytes()
+        for f, g in zip(told([a], folders[0]), told([b], folders[1]), strict=True):
+            assert (f.index, f.to_next, f.trajectory, f.verdict) == (g.index, g.to_next, g.trajectory, g.verdict)
     assert ChunkRecord.model_validate_json(one[0].model_dump_json()) == one[0]
-    steps = [frame.to_next for frame in one[0].frames]
+    steps = [frame.to_next for frame in told(one[:1], folders[0])]
     assert max(max(map(abs, step[:2])) for step in steps[:-1] if step) > 1
     assert steps[-1] is None  # nothing leads over a cut
 
@@ -247,7 +247,7 @@ def test_a_chunk_looks_a_few_frames_ahead_but_not_over_the_end_of_a_range(moving
     task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, span=(0.0, 0.08))
     (chunk,) = chunks(task)
     record = work(task, chunk, tmp_path, silent)
-    assert [frame.index for frame in record.frames] == [0, 1]
+    assert [frame.index for frame in told([record], tmp_path)] == [0, 1]
 
 
 def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: Path) -> None:
@@ -263,7 +263,7 @@ def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: P
     assert [frame["time_s"] for frame in said["frames"]] == pytest.approx([0, 1 / 24, 2 / 24, 3 / 24], abs=1e-3)
     assert {frame["timing"]["source"] for frame in said["frames"]} == {task.timing_source}
     path = moving[0].path
-    for k, frame in enumerate(records[0].frames):
+    for k, frame in enumerate(told(records, tmp_path)):
         t = np.array(frame.trajectory.t_s)
         true = path.at(t + frame.time_s) - path.at(np.array([frame.time_s + moving[0].timing.middle]))
         np.testing.assert_allclose(frame.trajectory.poses()[:, :2], true[:, :2], atol=0.3, err_msg=f"frame {k}")
