@@ -2,7 +2,6 @@
 
 import enum
 import itertools
-import math
 import re
 from dataclasses import dataclass
 
@@ -17,7 +16,7 @@ FEWEST = 6  # corners of one view
 _MOST = 100  # squares or tags along a side
 _SMALLEST, _NARROWEST = 24, 20  # px, and how many times as long as wide: a board in less is not to be found, and finders fail on it
 _FIND_PX = 1280  # a chessboard is looked for in a picture no longer than that, and refined in the whole one
-_WINDOW, _WIDEST = 1 / 3, 16  # half of the window about a corner: part of the distance to the next one, and px
+_WINDOW, _WIDEST = 1 / 3, 16  # half of the window about a corner: part of the distance to the nearest other one, and px
 _TAGS = "DICT_APRILTAG_36h11"
 _TAG_BORDER = 2  # bits, as kalibr prints them
 _COUNTS = re.compile(r"(\d{1,4})x(\d{1,4})")
@@ -216,9 +215,8 @@ def _find_chessboard(board: Board, grey: UInt8[np.ndarray, "rows cols"]) -> Seen
         return None
     scale = small.shape[1] / grey.shape[1]
     points = (points.reshape(-1, 2).astype(float) + 0.5) / scale - 0.5
-    return Seen(
-        numbers=np.arange(len(points)), points=_refined(grey, points, _WINDOW * _spacing(points.reshape(board.rows, board.cols, 2)))
-    )
+    windows = _WINDOW * _spacing(points.reshape(board.rows, board.cols, 2)).ravel()
+    return Seen(numbers=np.arange(len(points)), points=_refined(grey, points, windows))
 
 
 def _find_charuco(board: Board, grey: UInt8[np.ndarray, "rows cols"]) -> Seen | None:
@@ -256,18 +254,31 @@ def _find_tags(board: Board, grey: UInt8[np.ndarray, "rows cols"]) -> Seen | Non
             points.append(quad[nearest])
     if not kept:
         return None
-    sides = [np.linalg.norm(np.roll(quad, 1, axis=0) - quad, axis=1).min() for quad in points]
-    window = 0.4 * min(sides) * board.inner / board.side  # within the small squares
-    return Seen(numbers=np.concatenate(kept), points=_refined(grey, np.concatenate(points), window))
+    sides = np.array([np.linalg.norm(np.roll(quad, 1, axis=0) - quad, axis=1).min() for quad in points])
+    windows = 0.4 * np.repeat(sides, 4) * board.inner / board.side  # within the small squares
+    return Seen(numbers=np.concatenate(kept), points=_refined(grey, np.concatenate(points), windows))
 
 
-def _spacing(grid: Float[np.ndarray, "rows cols 2"]) -> float:
-    """The smallest distance between neighbours."""
-    return float(min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)))
+def _spacing(grid: Float[np.ndarray, "rows cols 2"]) -> Float[np.ndarray, "rows cols"]:
+    """How far each corner is from its nearest neighbour along rows and columns."""
+    nearest = np.full(grid.shape[:2], np.inf)
+    for axis in (0, 1):
+        apart = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
+        ends = [(0, 0), (0, 0)]
+        for side in ((1, 0), (0, 1)):
+            ends[axis] = side
+            nearest = np.minimum(nearest, np.pad(apart, ends, constant_values=np.inf))
+    return nearest
 
 
-def _refined(grey: UInt8[np.ndarray, "rows cols"], points: Float[np.ndarray, "n 2"], window: float) -> Float[np.ndarray, "n 2"]:
-    half = int(np.clip(math.floor(window), 2, _WIDEST))
+def _refined(
+    grey: UInt8[np.ndarray, "rows cols"], points: Float[np.ndarray, "n 2"], windows: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 2"]:
+    """Corners to a fraction of a pixel, each by its own window; a wider one tells more until it reaches the next corner."""
+    halves = np.clip(np.floor(windows), 2, _WIDEST).astype(int)
     until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
-    start = np.ascontiguousarray(points.reshape(-1, 1, 2), np.float32)
-    return cv2.cornerSubPix(grey, start, (half, half), (-1, -1), until).reshape(-1, 2).astype(float)
+    refined = points.copy()
+    for half in np.unique(halves).tolist():
+        start = np.ascontiguousarray(points[halves == half].reshape(-1, 1, 2), np.float32)
+        refined[halves == half] = cv2.cornerSubPix(grey, start, (half, half), (-1, -1), until).reshape(-1, 2)
+    return refined

@@ -1,7 +1,7 @@
 """The lens from views of a board: pinhole and distortion by least squares, chosen by the views that were left out.
 
 Corner j of view v lies at X_j on the board and is seen at x_vj = project(lens; R_v X_j + t_v) + noise. Lens and poses are found together;
-the noise is taken to be the same in every direction.
+the noise is taken to be the same in every direction. Where the board is not what it should be, X_j is found too.
 """
 
 from collections.abc import Sequence
@@ -12,13 +12,17 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares
 
+from calibration import bent as shape
+from calibration.projection import project
 from calibration.views import Refused, View
 
 FEWEST = 3  # views; fewer do not fix a lens
 ENOUGH = 8
+BENT = 0.9  # a board off whose corners' places bring the error of views that were left out below this part is not what its name says
 _CANDIDATES = (("brown-conrady", 4), ("fisheye", 4), ("brown-conrady", 5), ("brown-conrady", 8))  # the simpler first
 _BETTER = 0.98  # a lens of more freedom must bring the error of views that were left out below this part
 _FOLDS = 5
+_ROUNDS = 6  # of lens and board in turns; the last one moves the principal point by a tenth of its deviation
 _ODD = 3.0  # a view whose error is that many times the median does not show the board as it is
 _STEEPEST = np.radians(85)  # from the axis, where the start looks for poses
 
@@ -48,25 +52,18 @@ class Fit:
     residuals: tuple[Float[np.ndarray, "n 2"], ...]  # px, computed less seen, of each view
     rms: float  # px, of the distance
     left_out: dict[str, float]  # px, of views not used for the fit, by candidate
+    bent: float | None  # px, the same of the chosen lens if corners may lie off their places on the board; None: too few views
+    off: float  # metres, how far the farthest corner does; 0: taken to lie where it should
 
 
-def project(
-    model: str, numbers: Float[np.ndarray, " p"], at: Float[np.ndarray, "n 3"], pose: Float[np.ndarray, "6"]
-) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "two_n 6"], Float[np.ndarray, "two_n p"]]:
-    """Where corners are seen, and the derivatives in the pose (rotation vector, translation) and in the lens."""
-    matrix = np.array([[numbers[0], 0, numbers[2]], [0, numbers[1], numbers[3]], [0, 0, 1]])
-    turn, shift = pose[:3].reshape(3, 1), pose[3:].reshape(3, 1)
-    if model == "fisheye":
-        points, J = cv2.fisheye.projectPoints(at[:, None], turn, shift, matrix, numbers[4:].reshape(4, 1))
-        return points.reshape(-1, 2), J[:, 8:14], J[:, :8]
-    points, J = cv2.projectPoints(at, turn, shift, matrix, numbers[4:])[:2]
-    return points.reshape(-1, 2), J[:, :6], J[:, 6 : 10 + len(numbers) - 4]
+def calibrate(views: Sequence[View], *, model: str | None = None, bent: bool = False) -> Fit:
+    """The lens that the views tell of; `model` leaves the choice among that model's forms alone, `bent` finds the board's shape too.
 
-
-def calibrate(views: Sequence[View], *, model: str | None = None) -> Fit:
-    """The lens that the views tell of; `model` leaves the choice among that model's forms alone."""
-    if len(views) < FEWEST:
-        raise ValueError(f"a lens needs at least {FEWEST} views of the board, {len(views)} can be used; take some from other sides")
+    A board that is not what it should be, and yet is taken to be, pulls the lens: by how much is a part of the deviations.
+    """
+    if len(views) < (fewest := ENOUGH if bent else FEWEST):
+        shape = " and the board's shape" if bent else ""
+        raise ValueError(f"a lens{shape} needs at least {fewest} views of the board, {len(views)} can be used; take some from other sides")
     kept, refused = list(views), list[Refused]()
     candidates = [one for one in _CANDIDATES if model in (None, one[0])]
     chosen, left_out = _choose(kept, candidates)
@@ -84,7 +81,17 @@ def calibrate(views: Sequence[View], *, model: str | None = None) -> Fit:
         chosen, left_out = _choose(kept, candidates)
         if chosen != chosen_before:
             numbers, poses, residuals = _fit(kept, chosen[0], *_start(kept, *chosen))
-    std = _deviations(kept, chosen[0], numbers, poses, residuals)
+    std, off, error = _deviations(kept, chosen[0], numbers, poses, residuals), 0.0, None
+    if len(kept) >= ENOUGH:
+        error = _left_out(kept, chosen[0], numbers, poses, bent=True)
+        if bent or error < BENT * min(left_out.values()):
+            shaped, by, free = _fit_bent(kept, chosen[0], numbers, poses)
+            if bent:
+                kept, off = shaped, float(np.linalg.norm(by, axis=1).max())
+                numbers, poses, residuals = free
+                std = _deviations(kept, chosen[0], numbers, poses, residuals, bent=True)
+            else:
+                std = np.maximum(std, np.abs(free[0] - numbers))
     return Fit(
         lens=Lens(model=chosen[0], numbers=numbers, std=std),
         views=tuple(kept),
@@ -92,7 +99,14 @@ def calibrate(views: Sequence[View], *, model: str | None = None) -> Fit:
         residuals=tuple(residuals),
         rms=_rms(np.concatenate(residuals)),
         left_out=left_out,
+        bent=error,
+        off=off,
     )
+
+
+def fitted(views: Sequence[View], model: str, count: int) -> Float[np.ndarray, " p"]:
+    """The lens of that many coefficients that explains the views best, without a choice or a doubt."""
+    return _fit(views, model, *_start(views, model, count))[0]
 
 
 def reach(views: Sequence[View], numbers: Float[np.ndarray, " p"], rows: int, cols: int) -> float:
@@ -113,21 +127,32 @@ def _choose(views: Sequence[View], candidates: Sequence[tuple[str, int]]) -> tup
         return candidates[0], {}
     errors = {}
     for model, count in candidates:
-        squares = []
         whole, poses, _ = _fit(views, model, *_start(views, model, count))
-        for fold in range(folds):
-            kept = [number for number in range(len(views)) if number % folds != fold]
-            numbers, _, _ = _fit([views[number] for number in kept], model, whole, [poses[number] for number in kept])
-            for view in views[fold::folds]:
-                squares.append(np.sum(_pose(view, model, numbers)[1] ** 2, axis=1))
-        errors[(model, count)] = float(np.sqrt(np.concatenate(squares).mean()))
-        if not np.isfinite(errors[(model, count)]):
-            del errors[(model, count)]
+        if np.isfinite(error := _left_out(views, model, whole, poses)):
+            errors[(model, count)] = error
     if not errors:
         raise ValueError("no lens explains these views; is --board what was filmed, and flat?")
     best = min(errors.values())
     chosen = next(one for one, error in errors.items() if _BETTER * error <= best)
     return chosen, {_named(*one): error for one, error in errors.items()}
+
+
+def _left_out(
+    views: Sequence[View], model: str, whole: Float[np.ndarray, " p"], poses: Sequence[np.ndarray], *, bent: bool = False
+) -> float:
+    """The error of views that took no part in the fit, px."""
+    folds, squares = min(_FOLDS, len(views)), []
+    for fold in range(folds):
+        kept = [number for number in range(len(views)) if number % folds != fold]
+        start = [views[number] for number in kept], model, whole, [poses[number] for number in kept]
+        left = list(views[fold::folds])
+        if bent:
+            _, by, (numbers, _, _) = _fit_bent(*start)
+            left = shape.moved(left, by)
+        else:
+            numbers, _, _ = _fit(*start)
+        squares += [np.sum(_pose(view, model, numbers)[1] ** 2, axis=1) for view in left]
+    return float(np.sqrt(np.concatenate(squares).mean()))
 
 
 def _named(model: str, count: int) -> str:
@@ -158,6 +183,19 @@ def _fit(
     found = least_squares(residual, np.concatenate([numbers, *poses]), jac=jacobian, x_scale="jac", max_nfev=100)  # pyright: ignore[reportArgumentType]
     numbers, poses = found.x[:p], list(found.x[p:].reshape(-1, 6))
     return numbers, poses, [project(model, numbers, view.at, pose)[0] - view.seen.points for view, pose in zip(views, poses, strict=True)]
+
+
+def _fit_bent(
+    views: Sequence[View], model: str, numbers: Float[np.ndarray, " p"], poses: Sequence[np.ndarray]
+) -> tuple[list[View], np.ndarray, tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]]:
+    """The same with the board's corners unknown too: the views with corners moved, by how much, and the fit to them."""
+    shaped, by = list(views), np.zeros((1, 3))
+    numbers, poses, residuals = _fit(views, model, numbers, poses)
+    for _ in range(_ROUNDS):
+        by = shape.moves(views, shaped, model, numbers, poses, residuals)
+        shaped = shape.moved(views, by)
+        numbers, poses, residuals = _fit(shaped, model, numbers, poses)
+    return shaped, by, (numbers, poses, residuals)
 
 
 def _start(views: Sequence[View], model: str, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -205,24 +243,33 @@ def _pose(
 
 
 def _deviations(
-    views: Sequence[View], model: str, numbers: np.ndarray, poses: Sequence[np.ndarray], residuals: Sequence[np.ndarray]
+    views: Sequence[View],
+    model: str,
+    numbers: np.ndarray,
+    poses: Sequence[np.ndarray],
+    residuals: Sequence[np.ndarray],
+    *,
+    bent: bool = False,
 ) -> Float[np.ndarray, " p"]:
-    """Standard deviations of the lens, the poses being unknown too.
+    """Standard deviations of the lens, the poses being unknown too, and with `bent` the places of the board's corners.
 
     Once from the residuals' size as if all corners erred by themselves, and once from how far the views pull the lens in different
     directions (a board that is not flat errs alike over a whole view); the larger of the two.
     """
-    p = len(numbers)
-    S, pulls, squares, count = np.zeros((p, p)), np.zeros((len(views), p)), 0.0, -p
+    p, corners = len(numbers), shape.corners(views) if bent else 0
+    S = np.diag(np.repeat([0.0, shape.stiffness(views, residuals)], [p, 3 * corners]))
+    pulls, squares, count = np.zeros((len(views), len(S))), 0.0, -len(S)
     for number, (view, pose, residual) in enumerate(zip(views, poses, residuals, strict=True)):
-        _, by_pose, by_lens = project(model, numbers, view.at, pose)
+        _, by_pose, by_all = project(model, numbers, view.at, pose)
+        if bent:
+            by_all = np.hstack([by_all, shape.derivative(view, model, numbers, pose, corners)])
         r = residual.ravel()
-        free = by_lens - by_pose @ np.linalg.lstsq(by_pose, by_lens, rcond=None)[0]  # what no change of the pose can do
-        S += view.weight * by_lens.T @ free
+        free = by_all - by_pose @ np.linalg.lstsq(by_pose, by_all, rcond=None)[0]  # what no change of the pose can do
+        S += view.weight * by_all.T @ free
         pulls[number] = view.weight * free.T @ r
         squares += view.weight * float(r @ r)
         count += len(r) - 6
-    inverse = np.linalg.pinv(S, hermitian=True)
+    inverse = np.linalg.pinv(S, hermitian=True)[:p]
     alone = squares / max(count, 1) * np.diag(inverse)
-    together = np.diag(inverse @ (pulls.T @ pulls) @ inverse) * len(views) / max(len(views) - 1, 1)
+    together = np.sum((pulls @ inverse.T) ** 2, axis=0) * len(views) / max(len(views) - 1, 1)
     return np.sqrt(np.maximum(alone, together))

@@ -92,6 +92,7 @@ def lens(
     output: Output = None,
     figure: Annotated[Path | None, Option(metavar="FIG", help="Draw what is left at each corner: .png, .pdf or .svg.")] = None,
     model: Annotated[Model, Option(help="How the lens bends rays; chosen by views that are left out, unless given.")] = Model.AUTO,
+    bent: Annotated[bool, Option("--bent", help="Find the board's shape too, for one that is not flat or not printed to scale.")] = False,
     readout: Annotated[str | None, Option(metavar="TIME", help="Of the rolling shutter; views in motion are then told.")] = None,
     name: Name = None,
     maker: Maker = None,
@@ -120,9 +121,10 @@ def lens(
         before = _before(output, add=add, overwrite=overwrite)
         with quiet.c_libraries():
             taken, files, fps, model_name = _taken(sources, target, rolling)
-            fit = fitting.calibrate(taken.views, model=None if model is Model.AUTO else model.value)
+            fit = fitting.calibrate(taken.views, model=None if model is Model.AUTO else model.value, bent=bent)
         reached = fitting.reach(fit.views, fit.lens.numbers, taken.rows, taken.cols)
         how = f"{len(fit.views)} views of {board}, {fit.rms:.3f} px left"
+        how += f", the board's corners found up to {fit.off * 1e3:.2g} mm off their places" if fit.off else ""
         profile = CameraProfile(
             name=_named(name, model_name, output),
             maker=maker,
@@ -141,6 +143,8 @@ def lens(
                 "model": fit.lens.model,
                 "rms_px": fit.rms,
                 "left_out_rms_px": fit.left_out,
+                "left_out_rms_px_if_bent": fit.bent,
+                "board_off_m": fit.off,
                 "coverage": views.coverage(fit.views, taken.rows, taken.cols),
                 "reach": reached,
                 "views": [{"name": view.name, "corners": len(view.at), "weight": view.weight, "edge_px": view.edge} for view in fit.views],
@@ -367,6 +371,11 @@ def _doubts(fit: Any, taken: "Taken", reached: float) -> list[str]:
         doubts.append(f"the board was seen in {covered:.0%} of the picture only; bring it into the corners too")
     if reached < 0.8:
         doubts.append(f"no corner lies farther out than {reached:.0%} of the way; beyond, the distortion is a guess")
+    if fit.bent and not fit.off and fit.bent < fitting.BENT * (error := min(fit.left_out.values())):
+        doubts.append(
+            f"the board is not what --board says: if it may be bent, {fit.bent:.3f} instead of {error:.3f} px are left in views left out;"
+            " --bent finds its shape, a flat and exact one is better; the stated deviations allow for it"
+        )
     if fit.lens.std[0] > 0.01 * fit.lens.numbers[0]:
         doubts.append(f"the focal length is known to {fit.lens.std[0] / fit.lens.numbers[0]:.1%} only; tilt the board more")
     return doubts
