@@ -239,6 +239,21 @@ def test_what_a_codec_or_container_cannot_hold_is_refused(tmp_path: Path, codec:
     assert [file.name for file in tmp_path.iterdir()] == ["in.mkv"]
 
 
+@pytest.mark.parametrize(
+    ("codec", "suffix", "layout"),
+    [("h264", ".mp4", "yuv420p"), ("hevc", ".mp4", "yuv420p"), ("ffv1", ".mkv", "yuv420p"), ("prores", ".mov", "yuv422p10le")],
+)
+def test_the_same_pictures_make_the_same_bytes(tmp_path: Path, codec: Codec, suffix: str, layout: str) -> None:
+    stream = probe(make(tmp_path / "in.mkv", codec="ffv1", layout=layout, rows=96, cols=160, frames=50, sound=True))
+    chance, made = np.random.default_rng(0), set()
+    for k in range(5):
+        used = [np.frombuffer(chance.bytes(n), np.uint8).copy() for n in chance.integers(1000, 200_000, 300)]
+        del used  # memory that holds something else each time
+        rewrite(stream, tmp_path / f"{k}{suffix}", Encoding(codec=codec))
+        made.add((tmp_path / f"{k}{suffix}").read_bytes())
+    assert len(made) == 1
+
+
 def test_an_interruption_leaves_nothing_and_what_stood_there(tmp_path: Path) -> None:
     stream = probe(make(tmp_path / "in.mp4"))
     (tmp_path / "out.mkv").write_text("the version before")
