@@ -20,7 +20,7 @@ from numpy.polynomial import legendre
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize, minimize_scalar
 
-from calibration.readout import CannotTellError
+from calibration.bands import CannotTellError
 from rsvideo.physics.shutter import Direction
 
 FEWEST_POINTS = 48  # of a pair of frames

@@ -13,7 +13,8 @@ import argparse
 import numpy as np
 
 from calibration import flicker
-from calibration.readout import CannotTellError, measure, profile
+from calibration.bands import CannotTellError
+from calibration.readout import measure, profile
 from rsvideo.physics import tone
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import skimage.data
 
-from calibration.readout import CannotTellError
+from calibration.bands import CannotTellError
 from calibration.selfcal import Pair, explain
 from rsvideo.physics import gyro, shake, simulate, tone
 from rsvideo.physics.camera import Intrinsics

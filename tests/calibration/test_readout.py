@@ -8,7 +8,8 @@ import pytest
 from jaxtyping import Float
 
 from calibration import flicker
-from calibration.readout import Bands, CannotTellError, combined, measure, profile
+from calibration.bands import CannotTellError
+from calibration.readout import Bands, combined, measure, profile
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.video import still
 

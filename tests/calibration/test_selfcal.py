@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from calibration.readout import CannotTellError
+from calibration.bands import CannotTellError
 from calibration.selfcal import Explained, Pair, explain
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction

@@ -1,0 +1,69 @@
+"""rsvideo calibrate show, convert and schema: a profile for eyes, for other programs and for editors."""
+
+import enum
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Option
+
+from rsvideo.cli.calibrate_profile import Overwrite, may_write, print_json, say
+from rsvideo.cli.validate import refusing
+
+
+class Form(enum.StrEnum):
+    """Files that hold a camera."""
+
+    RSVIDEO = "rsvideo"
+    GYROFLOW = "gyroflow"
+    KALIBR = "kalibr"
+    OPENCV = "opencv"
+    ROS = "ros"
+
+
+def show(
+    camera: Annotated[str, typer.Argument(metavar="PROFILE", help="A profile by name or file; lens profiles of other programs too.")],
+    output: Annotated[Path, Option("-o", "--output", metavar="FIG", help="Where to draw: .png, .pdf or .svg.")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Draw a profile on one page: lens, timing, tone curve and noise."""
+    with refusing():
+        from calibration import page
+        from rsvideo.config import profile
+        from rsvideo.config.files import write_whole
+        from rsvideo.report.plots import FORMATS
+
+        kind = may_write(output, FORMATS, overwrite=overwrite)
+        write_whole({output: page.draw(profile.find(camera), kind)})
+    say(f"drawn: {output}")
+
+
+def convert(
+    camera: Annotated[str, typer.Argument(metavar="PROFILE", help="A profile by name or file, in any of the forms.")],
+    to: Annotated[Form, Option(help="Whose form to write.")],
+    output: Annotated[Path | None, Option("-o", "--output", metavar="FILE", help="Where to write; else it is printed.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a profile as Gyroflow, OpenCV, kalibr or ROS read it, or theirs as ours."""
+    with refusing():
+        from rsvideo.config import profile
+        from rsvideo.config.files import write_whole
+
+        data, notes = profile.encode(profile.find(camera), to.value)
+        if output is None:
+            sys.stdout.write(data.decode())
+        else:
+            may_write(output, (), overwrite=overwrite)
+            write_whole({output: data})
+    for note in notes:
+        say(note)
+    if output:
+        say(f"written: {output}")
+
+
+def schema() -> None:
+    """Print the JSON Schema of a profile, by which editors complete and check it."""
+    from rsvideo.config.camera import CameraProfile
+
+    print_json(CameraProfile.model_json_schema())
