@@ -8,9 +8,11 @@ from rsvideo.pipeline.clip import ClipJob, carry_out, prepare
 
 def deblur(job: ClipJob, *, json: bool) -> None:
     """Restore, write, and say what was done."""
+    from rsvideo.cli import quiet
     from rsvideo.cli.progress import bar
 
-    task = prepare(job)
+    with quiet.c_libraries():
+        task = prepare(job)
     for note in task.notes:
         print(f"rsvideo: note: {note}", file=sys.stderr)
     with bar() as show:

@@ -227,6 +227,7 @@ def _one(
     _folder(output, overwrite=overwrite)
     with bar() as show:
         comparison, attempts = _carried_out(orders, truth, crops, show, jobs=jobs, resume=resume)
+    _note(attempts)
     _write(output, comparison)
     if json:
         print((output / "report.json").read_text(encoding="utf-8"), end="")
@@ -289,6 +290,7 @@ def _batch(
             _write(output / name, comparison)
             done.append((name, comparison))
             everyone += attempts
+    _note(everyone)
     write_whole({output / "index.html": page.index(path.stem, done), **_numbers(output, [comparison for _, comparison in done])})
     if json:
         print((output / "report.json").read_text(encoding="utf-8"), end="")
@@ -321,13 +323,9 @@ def _carried_out(
 
     orders = [attempt.Order(job=job) for job in jobs_]
     attempts = attempt.all_of(orders, most=jobs, resume=resume, quiet=quiet.wanted(), show=half)
-    for each in attempts:
-        for note in each.notes:
-            print(f"rsvideo: note: {each.method}: {note}", file=sys.stderr)
-    with quiet.c_libraries():
-        return compare.compared(
-            jobs_[0], attempts, truth=truth, crops=crops, show=lambda stage, fraction: show(stage, 0.9 + 0.1 * fraction)
-        ), attempts
+    return compare.compared(
+        jobs_[0], attempts, truth=truth, crops=crops, show=lambda stage, fraction: show(stage, 0.9 + 0.1 * fraction)
+    ), attempts
 
 
 def _applying(*, clip: bool, recorded: bool) -> tuple[Method, ...]:
@@ -380,6 +378,12 @@ def _tell(comparison: "Comparison", output: Path) -> None:
     print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
 
 
+def _note(attempts: "Sequence[Attempt]") -> None:
+    for each in attempts:
+        for note in each.notes:
+            print(f"rsvideo: note: {each.method}: {note}", file=sys.stderr)
+
+
 def _code(attempts: "Sequence[Attempt]") -> int:
     from rsvideo.cli.ending import Code
 
@@ -404,7 +408,7 @@ def _table(
         raise ValueError(f"the folder {output.parent} of {output.name} must exist; make it first, or is its name mistyped?")
     if output.exists() and not overwrite:
         raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
-    with bar() as show, quiet.c_libraries():
+    with bar() as show:
         told = folder.scored(found, methods, results, most=jobs, resume=resume, quiet=quiet.wanted(), show=show)
     write_whole({output: table.written(told, kind).encode()})
     for note in told.notes:

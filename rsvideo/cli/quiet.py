@@ -3,8 +3,10 @@
 import contextlib
 import logging
 import os
+import sys
 import warnings
 from collections.abc import Iterator
+from typing import TextIO
 
 
 def wanted() -> bool:
@@ -20,14 +22,17 @@ def python_libraries() -> None:
 
 
 @contextlib.contextmanager
-def c_libraries() -> Iterator[None]:
-    """Silence what libpng, libtiff and LibRaw print about a damaged file: the command says it in its own line."""
+def c_libraries() -> Iterator[TextIO]:
+    """Silence what libpng, libtiff and LibRaw print about a damaged file: the command says it in its own line.
+
+    What is to be seen meanwhile, such as a bar, is to be written to what this hands over.
+    """
     if not wanted():
-        yield
+        yield sys.stderr
         return
-    with open(os.devnull, "wb") as nowhere, open(os.dup(2), "wb") as terminal:  # noqa: PTH123 # the second is a descriptor
+    with open(os.devnull, "wb") as nowhere, open(os.dup(2), "w", encoding="utf-8") as terminal:  # noqa: PTH123 # the second is a descriptor
         os.dup2(nowhere.fileno(), 2)
         try:
-            yield
+            yield terminal
         finally:
             os.dup2(terminal.fileno(), 2)

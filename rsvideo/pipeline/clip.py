@@ -410,9 +410,9 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
             writer.write(picture)
     notes = writer.notes
     files = {task.record: sidecar.encoded(str(task.job.source), _settings(task), told(records, folder))}
-    if task.job.method is not Method.NONE and len(kept) > 1:
-        motion = log.parts(told(records, folder), task.timing, camera)
-        files[task.log] = gcsv.encoded(motion, timing=task.timing, video=task.job.output.name, model="rsvideo")
+    parts = log.parts(told(records, folder), float(stream.rate), task.timing, camera)
+    if task.job.method is not Method.NONE and (first := next(parts, None)):
+        files[task.log] = gcsv.encoded(chain([first], parts), timing=task.timing, video=task.job.output.name, model="rsvideo")
     write_whole(files)
     if task.job.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
