@@ -29,6 +29,7 @@ _ALIKE = 0.7  # of the energy of bands, that all columns share
 _FAINTEST = 5e-3  # of a light's energy, in a fundamental that is weaker than its harmonics
 _FOLLOWS = 0.7  # of the energy of bands, that follows the frames' times
 _WANDERS = 0.1  # of a cycle; less is standing still
+_STRAYS = 0.025  # cycles a frame; lamps, clocks and mains drift by less
 _FALLING = np.array([1.0, -1.0])  # whitens a scene's rows, at first
 
 
@@ -240,6 +241,8 @@ def wandering(light: np.ndarray, phases: np.ndarray, grid: np.ndarray) -> tuple[
             " is the frequency right, and does the clip play at the rate at which it was recorded?"
         )
     assert wave is not None
+    if length > 2:
+        _refuse_stray(_stray(wave, raw, np.linspace(-0.08, 0.08, 41)))
     if length == 2:  # without a scene taken out, which leaves nothing to tell the ways apart
         pairs = Runs.of(_logarithms(light[: 2 * runs], over_mean=False).reshape(len(parts), runs, 2, -1), raw.phases, scene=False)
         ways = [replace(wave, runs=pairs.whitened(_FALLING), taps=_FALLING, sign=sign) for sign in (1, -1)]
@@ -254,6 +257,14 @@ def standing(light: np.ndarray, phases: np.ndarray, grid: np.ndarray) -> tuple[W
     if len(light) > 2:
         adrift = _search(Runs.of(_logarithms(light, over_mean=True)[:, None], phases[None], scene=True).loose(), grid, (1,), np.ones(1))
         if adrift is not None and adrift.alike() > _ALIKE:
+            length = min(_RUN, len(light))
+            runs = len(light) // length
+            parts = _logarithms(light, over_mean=True)[:, : runs * length]
+            raw = Runs.of(parts.reshape(len(parts), runs, length, -1), phases[: runs * length].reshape(runs, length), scene=False)
+            stray = _stray(replace(adrift, harmonics=1), raw, np.linspace(-0.5, 0.5, 101))
+            if replace(adrift, runs=_ahead(raw, stray)).follows(_ahead(raw, stray)) > _FOLLOWS * adrift.follows(raw.loose()):
+                ahead = float(np.angle(np.exp(1j * np.diff(raw.phases, axis=1)).mean())) / (2 * np.pi)
+                _refuse_stray(min((stray, stray + 2 * ahead), key=abs))  # of a readout in either direction
             return _many(adrift), None
     parts = _logarithms(light.mean(axis=0, keepdims=True), over_mean=False)
     raw = Runs.of(parts[:, None], np.zeros((1, 1)), scene=False)
@@ -263,6 +274,25 @@ def standing(light: np.ndarray, phases: np.ndarray, grid: np.ndarray) -> tuple[W
     if (alike := wave.alike()) < _ALIKE:
         raise CannotTellError(f"columns share only {alike:.0%} of what looks like bands, so it is the scene's; film a plain wall")
     return _many(wave), None
+
+
+def _ahead(runs: Runs, stray: float) -> Runs:
+    """The same with waves that go on by so many cycles a frame more."""
+    return replace(runs, phases=runs.phases + 2 * np.pi * stray * np.arange(runs.phases.shape[1]))
+
+
+def _stray(wave: Wave, raw: Runs, tried: np.ndarray) -> float:
+    """By how many cycles a frame, of those tried, the bands most likely wander beyond what the frames' times say."""
+    shares = [_fitted(raw.values, _ahead(raw, stray), wave.sign * wave.nu, wave.harmonics)[0] for stray in tried]
+    return float(tried[int(np.argmax(shares))])
+
+
+def _refuse_stray(stray: float) -> None:
+    if abs(stray) > _STRAYS:
+        raise CannotTellError(
+            f"the bands wander by {abs(stray):.2g} of their period a frame otherwise than those of a light of this frequency"
+            " at this frame rate; is the frequency right, and does the clip play at the rate at which it was recorded?"
+        )
 
 
 def _many(wave: Wave) -> Wave:

@@ -94,7 +94,7 @@ def measure(
         std=rows * std / flicker,
         direction=None if sign is None else downwards[0 if sign > 0 else 1],
         frames=len(light),
-        notes=_rivals(flicker, rows * nu / flicker, sign, begins, longest) + beyond,
+        notes=_rivals(flicker, rows * nu / flicker, sign, begins, longest) + _upwards(flicker, sign, begins, downwards[1]) + beyond,
     )
 
 
@@ -136,7 +136,20 @@ def _rivals(flicker: float, readout: float, sign: int | None, begins: np.ndarray
         )
         if ways:
             told.append(f"{slower * 1e3:.4g} ms if it flickers at {other:g} Hz")
-    return (f"the light is taken to flicker at {flicker:g} Hz; the readout is {' and '.join(told)}",) if told else ()
+    alike = f" (at this frame rate lights {1 / float(np.median(np.diff(begins))):.4g} Hz apart look alike)" if advance is not None else ""
+    return (f"the light is taken to flicker at {flicker:g} Hz{alike}; the readout is {' and '.join(told)}",) if told else ()
+
+
+def _upwards(flicker: float, sign: int | None, begins: np.ndarray, way: Direction) -> tuple[str, ...]:
+    """The lights whose bands would wander so under a readout the other way, which is the usual one."""
+    if sign != -1:
+        return ()
+    rate = 1 / float(np.median(np.diff(begins)))
+    other = round(2 * flicker / rate) * rate - flicker
+    return (
+        f"the readout is {way.value}, as few cameras do it; is it surely a light of {flicker:g} Hz? one of {other:.4g} Hz,"
+        f" or of {rate:.4g} Hz more or less, would leave such bands under the usual one",
+    )
 
 
 def _apart(one: float, other: float) -> float:

@@ -116,6 +116,22 @@ def test_a_light_of_another_frequency_than_was_said_is_noticed(slip: float) -> N
         found(*film(), 1000.0 * slip)
 
 
+@pytest.mark.parametrize(("hertz", "said", "fps"), [(120.0, 100.0, 25.0), (634.0, 1268.0, 50.0), (1000.0, 1001.0, FPS)])
+def test_a_light_that_is_said_almost_right_is_noticed_by_how_its_bands_wander(hertz: float, said: float, fps: float) -> None:
+    clip = film(hertz=hertz, exposure=0.0003, readout=0.018, fps=fps, contrast=0.05)
+    assert found(*clip, hertz, longest=1 / fps).readout == pytest.approx(0.018, rel=0.005)
+    with pytest.raises(CannotTellError, match=r"of their period a frame otherwise|wander otherwise"):
+        found(*clip, said, longest=1 / fps)
+
+
+def test_a_readout_upwards_is_doubted_aloud() -> None:
+    """A light of 120 Hz at 25 frames a second wanders as one of 180 Hz would under a readout the other way."""
+    bands = found(*film(hertz=120.0, exposure=0.0003, fps=25.0, readout=0.03), 180.0, longest=1 / 25)
+    assert bands.direction is Direction.BOTTOM_TO_TOP
+    assert any("170 Hz, or of 25 Hz more or less" in note for note in bands.notes)
+    assert not any("few cameras" in note for note in found(*film()).notes)
+
+
 def test_mains_flicker_twice_a_cycle_and_what_else_it_may_be_is_told() -> None:
     bands = found(*film(hertz=100.0, exposure=0.002, readout=0.03, fps=24.0), 50.0, longest=1 / 24)
     assert bands.light == 100.0
