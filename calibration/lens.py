@@ -49,7 +49,7 @@ class Fit:
     lens: Lens
     views: tuple[View, ...]
     refused: tuple[Refused, ...]  # for what the fit showed
-    residuals: tuple[Float[np.ndarray, "n 2"], ...]  # px, computed less seen, of each view
+    residuals: tuple[Float[np.ndarray, "_ 2"], ...]  # px, computed less seen, of each view
     rms: float  # px, of the distance
     left_out: dict[str, float]  # px, of views not used for the fit, by candidate
     bent: float | None  # px, the same of the chosen lens if corners may lie off their places on the board; None: too few views

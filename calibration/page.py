@@ -1,6 +1,7 @@
 """A camera's profile on one page: how its lens bends, when its rows are read, how codes stand for light, how it is noisy."""
 
 import io
+import textwrap
 
 import cv2
 import matplotlib
@@ -8,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from rsvideo.config.camera import CameraProfile, Clock, Measured, Mode, Noise, Tone
 from rsvideo.config.camera import Lens as LensPart
@@ -17,18 +19,28 @@ from rsvideo.physics.tone import Transfer
 
 _BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
 _LINES, _POINTS = 13, 60  # of the grid, and along each of its lines
+_HEIGHTS = (4.0, 1.5, 3.0)  # inches, of the lens, the timing, and the response
+_LINE = 0.3  # inches
+_MEASURES = {"intrinsics": "lens", "timing": "readout", "tone": "response", "noise": "response"}  # parts, and what measures them
 
 
 def draw(profile: CameraProfile, kind: str) -> bytes:
     """A figure file."""
     with matplotlib.rc_context({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False, "svg.hashsalt": "rsvideo"}):
-        figure = Figure(figsize=(11.7, 8.3), layout="constrained")
-        grid = figure.add_gridspec(3, 2, height_ratios=(1.45, 0.55, 1))
-        _lens(figure.add_subplot(grid[0, 0]), profile.intrinsics, profile.mode)
-        _numbers(figure.add_subplot(grid[0, 1]), profile)
-        _timing(figure.add_subplot(grid[1, :]), profile.timing, profile.mode)
-        _tone(figure.add_subplot(grid[2, 0]), profile.tone)
-        _noise(figure.add_subplot(grid[2, 1]), profile.noise)
+        lines = _lines(profile)
+        top, timing, response = _HEIGHTS
+        rows = [top if profile.intrinsics else _LINE * len(lines)]
+        rows += [timing] * bool(profile.timing) + [response] * bool(profile.tone or profile.noise)
+        figure = Figure(figsize=(11.7, 1.0 + sum(rows)), layout=ConstrainedLayoutEngine(w_pad=0.15, h_pad=0.1))
+        grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
+        _numbers(figure.add_subplot(grid[0, 1] if profile.intrinsics else grid[0, :]), lines, 13 if profile.intrinsics else 1)
+        if profile.intrinsics:
+            _lens(figure.add_subplot(grid[0, 0]), profile.intrinsics, profile.mode)
+        if profile.timing:
+            _timing(figure.add_subplot(grid[1, :]), profile.timing, profile.mode)
+        if profile.tone or profile.noise:
+            _tone(figure.add_subplot(grid[-1, 0]), profile.tone)
+            _noise(figure.add_subplot(grid[-1, 1]), profile.noise)
         mode = profile.mode
         title = f"{profile.camera}: {mode.cols} x {mode.rows}" + (f" at {mode.fps:.5g} fps" if mode.fps else "")
         figure.suptitle(title.replace("$", r"\$"), fontsize=13)
@@ -55,9 +67,7 @@ def _missing(panel: Axes, words: str) -> None:
     panel.text(0.5, 0.5, words, ha="center", va="center", color=_GREY, transform=panel.transAxes)
 
 
-def _lens(panel: Axes, lens: LensPart | None, mode: Mode) -> None:
-    if lens is None:
-        return _missing(panel, "no lens: rsvideo calibrate lens")
+def _lens(panel: Axes, lens: LensPart, mode: Mode) -> None:
     across = np.linspace(0, mode.cols, _LINES)
     down = np.linspace(0, mode.rows, max(3, round(_LINES * mode.rows / mode.cols)))
     along_x, along_y = np.linspace(0, mode.cols, _POINTS), np.linspace(0, mode.rows, _POINTS)
@@ -72,15 +82,15 @@ def _lens(panel: Axes, lens: LensPart | None, mode: Mode) -> None:
         moved = max(moved, float(np.linalg.norm(seen - line, axis=1).max()))
     panel.plot(lens.cx.value, lens.cy.value, "+", color=_VERMILION, ms=14, mew=2)
     panel.set(xlim=(-0.05 * mode.cols, 1.05 * mode.cols), ylim=(1.05 * mode.rows, -0.05 * mode.rows), aspect="equal")
-    panel.set_title(f"lens: straight lines (grey) as they are seen (blue); up to {moved:.4g} px", fontsize=10)
-    return None
+    panel.set_title(f"lens: straight lines (grey) as they are seen (blue), displaced by up to {moved:.3g} px", fontsize=10)
 
 
 def _told(number: Measured, unit: str) -> str:
     return f"{number.value:.6g}" + (f" ± {number.std:.2g}" if number.std is not None else "") + f" {unit}"
 
 
-def _numbers(panel: Axes, profile: CameraProfile) -> None:
+def _lines(profile: CameraProfile) -> list[tuple[str, str]]:
+    """What is known in numbers, how it was found, and how to find the rest."""
     lens, clock, lines = profile.intrinsics, profile.timing, []
     if lens:
         lines += [(name, _told(getattr(lens, name), "px")) for name in ("fx", "fy", "cx", "cy")]
@@ -92,10 +102,19 @@ def _numbers(panel: Axes, profile: CameraProfile) -> None:
         lines.append(("readout", _told(clock.readout_s.model_copy(update=_in_ms(clock.readout_s)), "ms")))
     for part, what in ((lens, "lens"), (clock, "timing"), (profile.tone, "tone"), (profile.noise, "noise")):
         if part and part.found and part.found.how:
-            lines.append((f"{what} by", f"{part.found.how[:60]} ({part.found.when or 'no date'})"))
+            words = textwrap.shorten(part.found.how, 76, placeholder=" ...")
+            lines.append((f"{what} by", f"{words}{f' ({part.found.when})' if part.found.when else ''}"))
+    for name in dict.fromkeys(_MEASURES.values()):
+        if missing := [part for part, by in _MEASURES.items() if by == name and getattr(profile, part) is None]:
+            words = " and ".join("lens" if part == "intrinsics" else part for part in missing)
+            lines.append(("missing", f"{words}: rsvideo calibrate {name}"))
+    return lines
+
+
+def _numbers(panel: Axes, lines: list[tuple[str, str]], least: int) -> None:
     panel.axis("off")
     for number, (name, value) in enumerate(lines):
-        y = 1 - (number + 0.5) / max(len(lines), 12)
+        y = 1 - (number + 0.5) / max(len(lines), least)
         panel.text(0.0, y, name, va="center", fontsize=9, color=_GREY, transform=panel.transAxes)
         panel.text(0.17, y, value.replace("$", r"\$"), va="center", fontsize=9, transform=panel.transAxes)
 
@@ -104,9 +123,7 @@ def _in_ms(number: Measured) -> dict[str, float | None]:
     return {"value": 1e3 * number.value, "std": None if number.std is None else 1e3 * number.std}
 
 
-def _timing(panel: Axes, clock: Clock | None, mode: Mode) -> None:
-    if clock is None:
-        return _missing(panel, "no timing: rsvideo calibrate readout")
+def _timing(panel: Axes, clock: Clock, mode: Mode) -> None:
     readout, period = 1e3 * clock.readout_s.value, 1e3 / mode.fps if mode.fps else None
     panel.barh(0, readout, color=_BLUE, height=0.5, label=f"read {clock.direction.value}: {readout:.4g} ms")
     if clock.readout_s.std:
@@ -118,12 +135,11 @@ def _timing(panel: Axes, clock: Clock | None, mode: Mode) -> None:
     panel.set(yticks=[], ylim=(-0.5, 0.9), xlim=(0, 1.08 * max(readout, period or 0, 1e-3)), xlabel="ms")
     panel.set_title(f"timing: {1e3 * readout / lines:.4g} µs from one {'row' if by_row else 'column'} to the next", fontsize=10)
     panel.legend(frameon=False, ncols=2, loc="upper left", fontsize=9)
-    return None
 
 
 def _tone(panel: Axes, part: Tone | None) -> None:
     if part is None or not (part.transfer or part.curve):
-        return _missing(panel, "no tone curve: rsvideo calibrate response")
+        return _missing(panel, "no tone curve")
     codes = np.linspace(0, 1, 257, dtype=np.float32)
     if part.curve:
         light, name = np.interp(codes, np.linspace(0, 1, len(part.curve)), part.curve), "its own"
@@ -142,7 +158,7 @@ def _tone(panel: Axes, part: Tone | None) -> None:
 
 def _noise(panel: Axes, noise: Noise | None) -> None:
     if noise is None:
-        return _missing(panel, "no noise: rsvideo calibrate response")
+        return _missing(panel, "no noise")
     light = np.geomspace(1e-4, 1, 200)
     read, shot = noise.read.value, noise.shot.value
     panel.loglog(light, np.maximum(np.sqrt(read**2 + shot * light), 1e-9), color=_BLUE, lw=2, label="both")

@@ -22,7 +22,7 @@ BLOCKS = 16  # of columns, which bands cross alike and a scene does not
 MAINS = (50.0, 60.0)  # Hz
 _DISAGREE = 5.0  # deviations between photographs
 _VAGUE = 0.05  # of the readout
-_EDGE = 0.5  # rows of the frame's height, which resampling of the sensor's rows leaves uncertain
+_EDGE = 1.0  # rows of the frame's height: resampling of the sensor's rows leaves half a one uncertain at either edge
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from calibration.lens import Fit
-from calibration.views import Taken, coverage
+from calibration.views import Taken, fields
 
 _BLUE, _VERMILION, _GREY = "#0072B2", "#D55E00", "#8A8A8A"  # Okabe & Ito: apart for every eye
 _ARROW = 0.03  # of the picture's width, for the length of a usual residual
@@ -40,8 +40,12 @@ def _vectors(panel: Axes, fit: Fit, taken: Taken) -> None:
     panel.figure.colorbar(arrows, ax=panel, label="left over (px)", shrink=0.7)
     panel.plot(*fit.lens.numbers[2:4], "+", color=_VERMILION, ms=14, mew=2, label="principal point")
     panel.set(xlim=(0, taken.cols), ylim=(taken.rows, 0), aspect="equal", xlabel="column", ylabel="row")
-    covered = coverage(fit.views, taken.rows, taken.cols)
-    panel.set_title(f"corners in {covered:.0%} of the picture; arrows {longer:.0f} times as long as they are", fontsize=10)
+    empty = ~fields(fit.views, taken.rows, taken.cols)
+    panel.imshow(np.where(empty, 1.0, np.nan), extent=(0, taken.cols, taken.rows, 0), cmap="Greys", vmin=0, vmax=8, zorder=0)
+    panel.set_title(
+        f"corners in {1 - empty.mean():.0%} of the picture, none in the grey parts; arrows {longer:.0f} times as long as they are",
+        fontsize=10,
+    )
     panel.legend(frameon=False, loc="lower right")
 
 

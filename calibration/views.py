@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
 from calibration.board import Board, Seen, find
 from rsvideo.config.files import UnreadableError
@@ -149,10 +149,17 @@ def chosen(found: Sequence[View | Refused], *, clip: bool, readout: float | None
 
 
 def coverage(views: Sequence[View], rows: int, cols: int) -> float:
-    """The part of the picture, in 12 x 9 fields, in which any view has a corner."""
+    """The part of the picture in which any view has a corner."""
+    return float(fields(views, rows, cols).mean())
+
+
+def fields(views: Sequence[View], rows: int, cols: int) -> Bool[np.ndarray, "9 12"]:
+    """Whether any view has a corner there, in equal parts of the picture."""
+    seen = np.zeros((9, 12), bool)
     points = np.concatenate([view.seen.points for view in views]) / (cols, rows)
-    fields = np.clip((points * (12, 9)).astype(int), 0, (11, 8))
-    return len({tuple(field) for field in fields.tolist()}) / (12 * 9)
+    x, y = np.clip((points * (12, 9)).astype(int), 0, (11, 8)).T
+    seen[y, x] = True
+    return seen
 
 
 def _moving(view: View, readout: float | None) -> tuple[View, str]:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from calibration import lens, views
-from calibration.board import Seen, parse
+from calibration.board import Seen, find, parse
 from calibration.projection import project
 from calibration.views import View
+from tests.calibration.boards_in_view import FOCAL, picture
 
 BOARD = parse("chessboard:9x6:25mm")
 ROWS, COLS = 480, 640
@@ -107,6 +108,23 @@ def test_three_views_will_do_without_any_left_out() -> None:
     fit = lens.calibrate(made("brown-conrady", 3))
     assert fit.left_out == {}
     assert fit.lens.numbers[0] == pytest.approx(530, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["aprilgrid:5x4:24mm:0.3", "charuco:7x5:DICT_4X4_50:30mm:22mm"])
+def test_boards_of_tags_give_the_lens_though_parts_of_them_are_out_of_sight(name: str) -> None:
+    board, found = parse(name), []
+    rng = np.random.default_rng(3)
+    for n in range(8):
+        turn, middle = rng.uniform(-0.5, 0.5, 3).tolist(), (rng.uniform(-0.06, 0.06), rng.uniform(-0.04, 0.04), rng.uniform(0.22, 0.3))
+        grey = picture(board, turn, middle)
+        seen = find(board, grey)
+        assert seen is not None
+        at = board.corners()[seen.numbers]
+        found.append(View(name=str(n), seen=seen, at=at, outline=((0, 0), (1, 1)), rows=240, cols=320, edge=2.0))
+    assert any(len(view.at) < len(board.corners()) for view in found)
+    fit = lens.calibrate(found, model="brown-conrady")
+    assert fit.lens.numbers[:2] == pytest.approx([FOCAL, FOCAL], rel=0.01)
+    assert (np.abs(fit.lens.numbers[:4] - [FOCAL, FOCAL, 159.5, 119.5]) < 4 * fit.lens.std[:4]).all()
 
 
 def test_a_board_that_is_not_what_it_should_be_is_told_and_its_shape_found() -> None:
