@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rsvideo.batch import fingerprint
-from rsvideo.pipeline.clip import Chunk
+from rsvideo.pipeline import fingerprint
+from rsvideo.pipeline.chunk import Chunk
 
 _VERSION = 2
 _TABLES = """

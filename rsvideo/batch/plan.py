@@ -4,20 +4,19 @@ import glob
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from rsvideo.batch import fingerprint
 from rsvideo.batch.job import Clip, JobFile, Said, Treatment, said, understood
 from rsvideo.config import yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import GyroFile
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline import clip as pipeline
-from rsvideo.pipeline.clip import Chunk, ClipJob
+from rsvideo.pipeline import chunk, clip_job, fingerprint
+from rsvideo.pipeline.chunk import Chunk
+from rsvideo.pipeline.clip_job import ClipJob
 
 MOST_CLIPS = 10_000
 
@@ -119,13 +118,13 @@ def settled(batch: Batch, ours: Callable[[str], bool]) -> list["Planned | Unread
 
 def chunks(clip: Planned) -> tuple[Chunk, ...]:
     """Where the clip will be cut."""
-    return tuple(pipeline.chunks(pipeline.prepare(clip.job)))
+    return tuple(chunk.chunks(clip_job.prepare(clip.job)))
 
 
 def _settled(request: Request, *, ours: bool) -> "Planned | Unreadable":
     job = replace(request.job, overwrite=request.job.overwrite or ours)
     try:
-        task = pipeline.prepare(job)
+        task = clip_job.prepare(job)
         settings, source = _fingerprints(job, task.timing)
         seconds, size = task.estimate()
     except FileExistsError as error:
@@ -136,7 +135,7 @@ def _settled(request: Request, *, ours: bool) -> "Planned | Unreadable":
         raise ConfigError(f"{request.where}: {job.source}: {error}") from error
     return Planned(
         job=job,
-        record=task.record,
+        record=job.record,
         timing=task.timing,
         timing_source=task.timing_source,
         notes=tuple(task.notes),
@@ -151,14 +150,9 @@ def _settled(request: Request, *, ours: bool) -> "Planned | Unreadable":
 
 
 def _fingerprints(job: ClipJob, timing: ShutterTiming) -> tuple[str, str]:
-    """Of all that steers the work, files by what they hold, and of the source; not of where the files are."""
-    asked = {name: value for name, value in asdict(job).items() if name not in ("source", "output", "overwrite", "trajectory", "camera")}
-    files = {"trajectory": job.trajectory, "camera": None if job.camera is None else Path(job.camera)}
+    """Of all that steers the work, and of the source."""
     try:
-        held = {name: fingerprint.of_file(path) if path is not None and path.is_file() else path for name, path in files.items()}
-        return fingerprint.of_values({**asked, **held, "timing": repr(timing), "rsvideo": version("rsvideo")}), fingerprint.of_source(
-            job.source
-        )
+        return fingerprint.of_values({"request": fingerprint.of_request(job), "timing": repr(timing)}), fingerprint.of_source(job.source)
     except OSError as error:
         raise UnreadableError(f"{error.filename} cannot be read: {error.strerror}") from error
 

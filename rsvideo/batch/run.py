@@ -8,11 +8,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from rsvideo.batch import fingerprint
 from rsvideo.batch.ledger import Ledger
 from rsvideo.batch.plan import Planned, Unreadable
 from rsvideo.batch.workers import Crew, Cut, Failed, Finish, Finished, Heard, Order, Restore
-from rsvideo.pipeline.clip import Chunk
+from rsvideo.pipeline import fingerprint
+from rsvideo.pipeline.chunk import Chunk
 
 Kind = Literal["resumed", "stage", "frame", "chunk", "retry", "finished", "failed"]
 _TRIES = 2  # of an order whose worker dies

@@ -10,9 +10,9 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.pipeline import clip as pipeline
-from rsvideo.pipeline import process
-from rsvideo.pipeline.clip import Chunk, ClipJob, ClipTask
+from rsvideo.pipeline import chunk, clip, clip_job, process
+from rsvideo.pipeline.chunk import Chunk, ChunkRecord
+from rsvideo.pipeline.clip_job import ClipJob, ClipTask
 
 _EVERY = 0.1  # seconds between two words about one frame
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # no other clip would fare better
@@ -164,7 +164,7 @@ def _serve(orders: Connection) -> None:
             order: Order = orders.recv()
             try:
                 if task is None or job != order.job:
-                    job, task = order.job, pipeline.prepare(order.job)
+                    job, task = order.job, clip_job.prepare(order.job)
                 said = _carried_out(order, task, _seldom(orders.send))
             except Exception as error:
                 said = _told(error)
@@ -174,13 +174,13 @@ def _serve(orders: Connection) -> None:
 def _carried_out(order: Order, task: ClipTask, observe: Callable[[int, str, float], None]) -> Done:
     match order:
         case Cut():
-            return tuple(pipeline.chunks(task))
+            return tuple(chunk.chunks(task))
         case Restore():
             order.folder.mkdir(parents=True, exist_ok=True)
-            return pipeline.work(task, order.chunk, order.folder, observe).model_dump_json()
+            return chunk.work(task, order.chunk, order.folder, observe).model_dump_json()
         case Finish():
-            records = [pipeline.ChunkRecord.model_validate_json(record) for record in order.records]
-            outcome = pipeline.finish(task, records, order.folder)
+            records = [ChunkRecord.model_validate_json(record) for record in order.records]
+            outcome = clip.finish(task, records, order.folder)
             return Finished(
                 restored=outcome.restored, left=outcome.left, failed=outcome.failed, seconds=outcome.seconds, notes=tuple(outcome.notes)
             )

@@ -1,9 +1,12 @@
 """From the words that restoring and comparing share on the command line to a job."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsvideo.pipeline.clip_job import ClipJob
+    from rsvideo.pipeline.job import Job
 
 _CLIPS = (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts")
 
@@ -28,15 +31,14 @@ def is_clip(source: Path) -> bool:
     return source.suffix.lower() in _CLIPS or source.is_dir() or any(mark in source.name for mark in "#%*")
 
 
-def job(source: Path, output: Path, words: Mapping[str, Any]) -> Any:
+def job(source: Path, output: Path, words: Mapping[str, Any]) -> "Job | ClipJob":
     """The Job of a photograph or the ClipJob of a clip; what `words` do not say is left to the file or to the method."""
-    from rsvideo.config.method import GyroFile
     from rsvideo.config.quantity import pixels, seconds, span
     from rsvideo.config.yaml import meant
     from rsvideo.physics.shutter import Direction
     from rsvideo.physics.tone import Transfer
 
-    said = {"gyro": GyroFile(), **{name: value for name, value in words.items() if value is not None}}
+    said = {name: value for name, value in words.items() if value is not None}
     for name in ("exposure", "readout", "row_time"):
         if name in said:
             said[name] = seconds(name.replace("_", "-"), said[name])
@@ -53,23 +55,13 @@ def job(source: Path, output: Path, words: Mapping[str, Any]) -> Any:
             )
         said["transfer"] = Transfer(said["transfer"])
     if is_clip(source):
-        from rsvideo.pipeline.clip import ClipJob
+        from rsvideo.pipeline.clip_job import ClipJob
 
-        defaults = {"steering": {}, "encoding": {}, "path": "keep", "side_by_side": False, "on_damage": "fail", "force": False}
-        return _made(ClipJob, {**defaults, **said, "source": source, "output": output})
+        return ClipJob(source=source, output=output, **said)
     from rsvideo.pipeline.job import Job
 
-    said_in = {name: value for part in (said, said.get("steering", {}), said.get("encoding", {})) for name, value in part.items()}
+    encoding = said.pop("encoding", {})
+    said_in = {name: value for part in (said, said.get("steering", {}), encoding) for name, value in part.items()}
     if wrong := next((option for name, option in _CLIPS_ONLY.items() if said_in.get(name)), None):
         raise ValueError(f"{wrong} concerns clips, {source} is taken for a photograph; clips are .mp4, .mov, .mkv or folders")
-    return _made(Job, {"steering": {}, **said, "source": source, "output": output})
-
-
-def _made(kind: Any, said: Mapping[str, Any]) -> Any:
-    return kind(
-        **{"overwrite": False, **{field.name: said[field.name] for field in fields(kind) if field.name in said}, **_unsaid(kind, said)}
-    )
-
-
-def _unsaid(kind: Any, said: Mapping[str, Any]) -> dict[str, None]:
-    return {field.name: None for field in fields(kind) if field.name not in said and field.name != "overwrite"}
+    return Job(source=source, output=output, **said)

@@ -15,7 +15,7 @@ from rsvideo.config.method import GyroFile, Method
 
 if TYPE_CHECKING:
     from rsvideo.pipeline.attempt import Attempt
-    from rsvideo.pipeline.clip import ClipJob
+    from rsvideo.pipeline.clip_job import ClipJob
     from rsvideo.pipeline.job import Job
     from rsvideo.report.comparison import Comparison
     from rsvideo.report.table import Format

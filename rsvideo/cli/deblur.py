@@ -117,18 +117,10 @@ def deblur(
         "overwrite": overwrite,
     }
 
-    from rsvideo.cli import asked
+    from rsvideo.cli import asked, in_this_process
 
     try:
-        job = asked.job(source, output, words)
-        if asked.is_clip(source):
-            from rsvideo.cli import clip
-
-            clip.deblur(job, json=json)
-        else:
-            from rsvideo.cli import photograph
-
-            photograph.deblur(job, json=json)
+        in_this_process.deblur(asked.job(source, output, words), json=json)
     except UnreadableError:
         raise
     except ValueError as error:

@@ -15,6 +15,7 @@ class Code(enum.IntEnum):
     USAGE = 2
     UNREADABLE = 3  # input missing, damaged or of the wrong kind
     EXISTS = 4  # output, and --overwrite was not given
+    WORSE = 5  # done, but with more failed frames than allowed
 
 
 class RefusedError(Exception):

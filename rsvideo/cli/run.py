@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from rsvideo.batch.plan import Batch
     from rsvideo.batch.run import Result
 
-WORSE = 5  # an exit code: done, but with more failed frames than allowed
-
 
 def run(
     path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips, how they are treated, and where the results go.")],
@@ -83,7 +81,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
     if json or progress == "jsonl":
         _print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
     _print_table(results)
-    if code == WORSE:
+    if code == Code.WORSE:
         _say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.most_failed_frames}")
     if faults := sum(result.fault is not None for result in results):
         _say(f"{faults} of {_some(len(results), 'clip')} failed; {_kept(book)}")
@@ -97,7 +95,7 @@ def _code(results: "Sequence[Result]", most_failed_frames: int) -> int:
 
     if faults := [result for result in results if result.fault is not None]:
         return Code.UNREADABLE if all(fault.unreadable for fault in faults) else Code.FAILED
-    return WORSE if any(result.failed > most_failed_frames for result in results) else Code.DONE
+    return Code.WORSE if any(result.failed > most_failed_frames for result in results) else Code.DONE
 
 
 @contextlib.contextmanager

@@ -1,21 +1,18 @@
 """One method on one input, in a process of its own: its time and memory are its own, and so is its failure."""
 
 import contextlib
-import hashlib
 import json
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from importlib.metadata import version
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
 
 from rsvideo.config.files import UnreadableError, write_whole
-from rsvideo.pipeline import process
-from rsvideo.pipeline.clip import ClipJob
+from rsvideo.pipeline import deblur, fingerprint, process
+from rsvideo.pipeline.clip_job import ClipJob
 from rsvideo.pipeline.job import Job
 
 _EVERY = 0.1  # seconds between two words about the work
@@ -120,15 +117,7 @@ def all_of(
 def settle(job: Job | ClipJob) -> None:
     """Answer every question that a job leaves, without doing it; raises as `prepare` does."""
     with tempfile.TemporaryDirectory() as name:
-        away = replace(job, output=Path(name) / job.output.name, overwrite=True)
-        if isinstance(away, ClipJob):
-            from rsvideo.pipeline.clip import prepare
-
-            prepare(away)
-        else:
-            from rsvideo.pipeline.job import prepare as prepare_still
-
-            prepare_still(away)
+        deblur.prepare(replace(job, output=Path(name) / job.output.name, overwrite=True))
 
 
 def _ended(connection: Connection, child: BaseProcess) -> None:
@@ -153,10 +142,10 @@ def _serve(connection: Connection, order: Order) -> None:
 
 def carried_out(order: Order, observe: Callable[[str, float], None]) -> Attempt:
     """What the method comes to in this process."""
-    carry_out = _clip if isinstance(order.job, ClipJob) else _still
     begun, notes, fault = time.perf_counter(), (), None
     try:
-        begun, notes = carry_out(order, observe)
+        task = deblur.prepare(replace(order.job, overwrite=True))
+        notes = (*task.notes, *deblur.carry_out(task, observe).notes)
     except Exception as error:
         fault = error
     return Attempt(
@@ -168,34 +157,6 @@ def carried_out(order: Order, observe: Callable[[str, float], None]) -> Attempt:
         unreadable=isinstance(fault, UnreadableError),
         notes=notes,
     )
-
-
-def _clip(order: Order, observe: Callable[[str, float], None]) -> tuple[float, tuple[str, ...]]:
-    """When the work began, and what is to be said."""
-    from rsvideo.pipeline import clip
-
-    job = order.job
-    assert isinstance(job, ClipJob)
-    begun = time.perf_counter()
-    task = clip.prepare(replace(job, overwrite=True))
-    outcome = clip.carry_out(task, observe)
-    return begun, (*task.notes, *outcome.notes)
-
-
-def _still(order: Order, observe: Callable[[str, float], None]) -> tuple[float, tuple[str, ...]]:
-    from rsvideo.config import motion
-    from rsvideo.pipeline import still
-    from rsvideo.pipeline.job import prepare
-    from rsvideo.restoration.blind import Settings
-
-    job = order.job
-    assert isinstance(job, Job)
-    begun = time.perf_counter()
-    task = prepare(replace(job, overwrite=True))
-    path = None if job.trajectory is None else motion.read(job.trajectory, task.timing, task.camera.intrinsics)
-    outcome = still.carry_out(task, Settings(**job.steering), path, lambda iterate: observe(iterate.stage, iterate.fraction))
-    write_whole(outcome.files)
-    return begun, (*task.notes, *outcome.notes)
 
 
 def _told(error: Exception) -> str:
@@ -223,20 +184,4 @@ def _peak() -> int:
 
 
 def _fingerprint(order: Order) -> str:
-    """Of all that steers the work, files by what they hold."""
-    asked: dict[str, Any] = {name: value for name, value in asdict(order.job).items() if name not in ("output", "overwrite", "source")}
-    held = [order.job.source, *(Path(value) for value in asked.values() if isinstance(value, Path | str))]
-    digest = hashlib.sha256(repr((sorted(asked.items()), version("rsvideo"))).encode())
-    for path in held:
-        files = (
-            [path]
-            if path.is_file()
-            else sorted(p for p in path.iterdir() if p.is_file())
-            if path == order.job.source and path.is_dir()
-            else []
-        )
-        for file in files:
-            digest.update(file.name.encode())
-            with file.open("rb") as opened:
-                digest.update(hashlib.file_digest(opened, "sha256").digest())
-    return digest.hexdigest()
+    return fingerprint.of_values({"request": fingerprint.of_request(order.job), "source": fingerprint.of_source(order.job.source)})

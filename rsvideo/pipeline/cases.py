@@ -1,19 +1,18 @@
 """A folder of cases with known truth, and how near each method comes to it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from rsvideo.config.files import UnreadableError, read_whole
-from rsvideo.config.method import GyroFile, Method
+from rsvideo.config.method import Method
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline.attempt import Attempt, Order, all_of
-from rsvideo.pipeline.clip import ClipJob
+from rsvideo.pipeline.clip_job import ClipJob
 from rsvideo.pipeline.compare import shots
 from rsvideo.pipeline.job import Job
 from rsvideo.report import metrics
@@ -117,18 +116,14 @@ def _psnr(attempt: Attempt, case: Case) -> float:
 
 
 def _job(case: Case, method: Method, output: Path) -> Job | ClipJob:
-    said = {
-        "source": case.source,
-        "output": output,
-        "exposure": case.said.exposure_s,
-        "row_time": case.said.row_time_s,
-        "direction": case.said.direction,
-        "focal_px": case.said.focal_px,
-        "method": method,
-        "gyro": GyroFile(),
-        "steering": {},
-        "overwrite": True,
-    }
-    clips = {"encoding": {}, "path": "keep", "side_by_side": False, "on_damage": "fail", "force": False}
-    kind: Any = ClipJob if case.clip else Job
-    return kind(**{field.name: {**clips, **said}.get(field.name) for field in fields(kind)})
+    kind = ClipJob if case.clip else Job
+    return kind(
+        source=case.source,
+        output=output,
+        exposure=case.said.exposure_s,
+        row_time=case.said.row_time_s,
+        direction=case.said.direction,
+        focal_px=case.said.focal_px,
+        method=method,
+        overwrite=True,
+    )

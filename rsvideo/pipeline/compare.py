@@ -24,9 +24,9 @@ from rsvideo.physics import tone
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline, centred, fit
-from rsvideo.pipeline import attempt, clip, process
+from rsvideo.pipeline import attempt, clip_job, process
 from rsvideo.pipeline.attempt import Attempt
-from rsvideo.pipeline.clip import ClipJob
+from rsvideo.pipeline.clip_job import ClipJob
 from rsvideo.pipeline.job import Job
 from rsvideo.report import metrics
 from rsvideo.report.comparison import Comparison, Crop, Entry, Look, Measured, Role
@@ -112,10 +112,10 @@ def _check_truth(job: Job | ClipJob, truth: Path) -> None:
         if ours != theirs:
             raise ValueError(f"the truth must be of the input's size, {ours}, {truth} is {theirs}")
         return
-    stream, other = decode.probe(job.source, _rate(job), on_damage=job.on_damage), decode.probe(truth, _rate(job))
+    stream, other = decode.probe(job.source, job.pictures_a_second, on_damage=job.on_damage), decode.probe(truth, job.pictures_a_second)
     if (stream.rows, stream.cols) != (other.rows, other.cols):
         raise ValueError(f"the truth must be of the input's size, {stream.cols} x {stream.rows}, {truth} is {other.cols} x {other.rows}")
-    first, last = clip.span(job, stream)
+    first, last = clip_job.span(job, stream)
     if other.frames not in (stream.frames, last - first):
         raise ValueError(f"the truth must have as many frames as the input, {stream.frames}, {truth} has {other.frames}")
 
@@ -273,12 +273,12 @@ def _plan(job: Job | ClipJob) -> _Plan:
             yield _still_shot(path, job.transfer)
 
         return _Plan(kind="still", rows=rows, cols=cols, rate=Fraction(1), first=0, last=1, times=(0.0,), reel=one)
-    stream = decode.probe(job.source, _rate(job), on_damage=job.on_damage)
-    first, last = clip.span(job, stream)
+    stream = decode.probe(job.source, job.pictures_a_second, on_damage=job.on_damage)
+    first, last = clip_job.span(job, stream)
     turned = stream.rotation // 90 % 2
 
     def many(path: Path, whole: bool) -> Iterator[Shot]:
-        its = decode.probe(path, _rate(job), on_damage=job.on_damage)
+        its = decode.probe(path, job.pictures_a_second, on_damage=job.on_damage)
         begin, end = (first, last) if whole and its.frames == stream.frames else (0, its.frames)
         return _clip_shots(its, begin, end, transfer=job.transfer, on_damage=job.on_damage, turns=stream.rotation // 90)
 
@@ -292,10 +292,6 @@ def _plan(job: Job | ClipJob) -> _Plan:
         times=[stream.seconds(k) for k in range(first, last)],
         reel=many,
     )
-
-
-def _rate(job: ClipJob) -> Fraction | None:
-    return None if job.rate is None else Fraction(job.rate)
 
 
 def _reels(job: Job | ClipJob, attempts: Sequence[Attempt], truth: Path | None, plan: _Plan) -> list[_Reel]:

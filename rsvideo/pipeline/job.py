@@ -1,7 +1,7 @@
 """What is asked of one photograph, and every question that leaves open, answered before the work."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,19 +26,19 @@ class Job:
 
     source: Path
     output: Path
-    exposure: float | None  # seconds
-    readout: float | None  # seconds; this or row_time
-    row_time: float | None  # seconds
-    direction: Direction | None
-    camera: str | None  # a profile's name or file
-    focal_px: float | None
-    transfer: Transfer | None
-    trajectory: Path | None  # motion that is given
-    method: Method
-    block_rows: int | None  # of the method stitch
-    gyro: GyroFile  # of the methods that follow one
-    steering: Mapping[str, Any]  # the core's settings under their names; those left out have their defaults
-    overwrite: bool
+    exposure: float | None = None  # seconds
+    readout: float | None = None  # seconds; this or row_time
+    row_time: float | None = None  # seconds
+    direction: Direction | None = None
+    camera: str | None = None  # a profile's name or file
+    focal_px: float | None = None
+    transfer: Transfer | None = None
+    trajectory: Path | None = None  # motion that is given
+    method: Method = Method.RSVIDEO
+    block_rows: int | None = None  # of the method stitch
+    gyro: GyroFile = field(default_factory=GyroFile)  # of the methods that follow one
+    steering: Mapping[str, Any] = field(default_factory=dict)  # the core's settings under their names; those left out have their defaults
+    overwrite: bool = False
 
     @property
     def record(self) -> Path:

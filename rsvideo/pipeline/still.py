@@ -1,36 +1,41 @@
 """One photograph, from file to file."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 
-from rsvideo.config import sidecar
+from rsvideo.config import motion, sidecar
+from rsvideo.config.files import write_whole
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics.trajectory import Trajectory
 from rsvideo.pipeline import methods, output, recorded
 from rsvideo.pipeline.job import Task
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.restoration.blind import Iterate, Settings
+from rsvideo.restoration.blind import Settings
 from rsvideo.video import still
 from rsvideo.video.still import Format
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What is to be written, and what is to be said."""
+    """What became of a photograph."""
 
-    files: Mapping[Path, bytes]
-    sidecar: sidecar.Sidecar
     notes: tuple[str, ...]
+    verdict: Verdict
+    seconds: float
+
+    @property
+    def told(self) -> str:
+        """In words."""
+        return f"{self.verdict}, {self.seconds:.1f} s"
 
 
-def carry_out(task: Task, settings: Settings, trajectory: Trajectory | None, observe: Callable[[Iterate], None]) -> Outcome:
-    """Restore the photograph, with a motion that is given or without; nothing is written yet."""
-    job = task.job
+def carry_out(task: Task, observe: Callable[[str, float], None]) -> Outcome:
+    """Restore the photograph, with a motion that is given or without, and write it; `observe` is told the stage and the fraction done."""
+    job, settings = task.job, Settings(**task.job.steering)
+    trajectory = None if job.trajectory is None else motion.read(job.trajectory, task.timing, task.camera.intrinsics)
     follows = job.method.recorded and trajectory is None
     gyro = recorded.of_photograph(job.gyro, job.source, task.timing) if follows else None
     asked = Treatment(
@@ -42,7 +47,9 @@ def carry_out(task: Task, settings: Settings, trajectory: Trajectory | None, obs
         timing_source=task.timing_source,
         intrinsics=task.camera.intrinsics,
     )
-    result = methods.photograph(asked, Frame(pixels=task.still.pixels, clipped=task.still.clipped), trajectory, observe)
+    result = methods.photograph(
+        asked, Frame(pixels=task.still.pixels, clipped=task.still.clipped), trajectory, lambda at: observe(at.stage, at.fraction)
+    )
     kind = Format.of_output(task.job.output)
     if result.verdict is Verdict.RESTORED:
         if not np.isfinite(result.latent).all():
@@ -50,8 +57,8 @@ def carry_out(task: Task, settings: Settings, trajectory: Trajectory | None, obs
         data, notes = still.encode(task.still, result.latent.astype(np.float32), kind)
     else:
         data, notes = still.unchanged(task.still, kind)
-    record = _record(task, settings, result)
-    return Outcome(files={task.job.output: data, task.job.record: record.encode()}, sidecar=record, notes=notes)
+    write_whole({task.job.output: data, task.job.record: _record(task, settings, result).encode()})
+    return Outcome(notes=notes, verdict=result.verdict, seconds=result.seconds)
 
 
 def _record(task: Task, settings: Settings, result: FrameResult) -> sidecar.Sidecar:

@@ -36,7 +36,7 @@ CHUNK = 4
 
 @dataclass(frozen=True, kw_only=True)
 class ClipJob:
-    """As in rsvideo.pipeline.clip."""
+    """As in rsvideo.pipeline.clip_job."""
 
     source: Path
     output: Path
@@ -63,10 +63,14 @@ class ClipJob:
     force: bool
     overwrite: bool
 
+    @property
+    def record(self) -> Path:
+        return self.output.with_suffix(".rsvideo.json")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Chunk:
-    """As in rsvideo.pipeline.clip."""
+    """As in rsvideo.pipeline.chunk."""
 
     index: int
     first: int
@@ -76,7 +80,7 @@ class Chunk:
 
 @dataclass(frozen=True, kw_only=True)
 class ClipTask:
-    """As in rsvideo.pipeline.clip."""
+    """As in rsvideo.pipeline.clip_job."""
 
     job: ClipJob
     data: bytes
@@ -90,16 +94,12 @@ class ClipTask:
     def frames(self) -> int:
         return len(self.data)
 
-    @property
-    def record(self) -> Path:
-        return self.job.output.with_suffix(".rsvideo.json")
-
     def estimate(self) -> tuple[float, int]:
         return 2.0 * self.frames, 1_000_000 * self.frames
 
 
 class ChunkRecord(BaseModel):
-    """As in rsvideo.pipeline.clip."""
+    """As in rsvideo.pipeline.chunk."""
 
     pictures: str
     sha256: dict[str, str]
@@ -163,7 +163,7 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
 
 def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     made = b"".join((folder / record.pictures).read_bytes() for record in records)
-    write_whole({task.job.output: made, task.record: repr(sorted(task.job.steering.items())).encode()})
+    write_whole({task.job.output: made, task.job.record: repr(sorted(task.job.steering.items())).encode()})
     if os.environ.get("ORPHANED") == task.job.source.name:
         Path(os.environ["TALLY"]).write_text(f"{os.getpid()}")
         os.kill(os.getppid(), signal.SIGKILL)
@@ -172,10 +172,12 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     return Outcome(notes=("timecode is dropped",), restored=len(made) - failed, left=0, failed=failed, seconds=1.5)
 
 
-module = ModuleType("rsvideo.pipeline.clip")
-vars(module).update({each.__name__: each for each in (ClipJob, Chunk, ClipTask, ChunkRecord, Outcome, prepare, chunks, work, finish)})
-sys.modules[module.__name__] = module
-rsvideo.pipeline.clip = module  # pyright: ignore[reportAttributeAccessIssue] # in the workers too, which import this file by its path
+core = {"clip_job": (ClipJob, ClipTask, prepare), "chunk": (Chunk, ChunkRecord, chunks, work), "clip": (Outcome, finish)}
+for name, held in core.items():  # in the workers too, which import this file by its path
+    module = ModuleType(f"rsvideo.pipeline.{name}")
+    vars(module).update({each.__name__: each for each in held})
+    sys.modules[module.__name__] = module
+    setattr(rsvideo.pipeline, name, module)
 
 if __name__ == "__main__":
     from rsvideo.cli import main

@@ -1,7 +1,6 @@
 """One clip from file to file: chunks that cover it, work that can be repeated, and all that a null run keeps."""
 
 import json
-from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,44 +9,22 @@ import numpy as np
 import pytest
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.config.method import GyroFile, Method
+from rsvideo.config.method import Method
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
-from rsvideo.pipeline.clip import AHEAD, LONGEST, WARM_UP, ChunkRecord, ClipJob, ClipTask, Outcome, chunks, finish, prepare, told, work
+from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, ChunkRecord, chunks, told, work
+from rsvideo.pipeline.clip import Outcome, finish
+from rsvideo.pipeline.clip_job import ClipJob, ClipTask, prepare
 from rsvideo.video import decode, vidstab
 from rsvideo.video.clip import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets
 
-NOTHING: Mapping[str, Any] = {
-    "exposure": None,
-    "shutter_angle": None,
-    "readout": None,
-    "row_time": None,
-    "scanlines_total": None,
-    "direction": None,
-    "camera": None,
-    "focal_px": None,
-    "transfer": None,
-    "trajectory": None,
-    "method": Method.RSVIDEO,
-    "block_rows": None,
-    "gyro": GyroFile(),
-    "steering": {},
-    "encoding": {},
-    "path": "keep",
-    "span": None,
-    "side_by_side": False,
-    "on_damage": "fail",
-    "rate": None,
-    "force": False,
-    "overwrite": False,
-}
 KNOWN = {"exposure": 0.02, "readout": 0.02, "focal_px": 192.0}
 
 
 def asked(source: Path, output: Path, **words: Any) -> ClipJob:
-    return ClipJob(source=source, output=output, **{**NOTHING, **words})
+    return ClipJob(source=source, output=output, **words)
 
 
 def silent(*_: object) -> None:
@@ -255,7 +232,7 @@ def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: P
     task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, trajectory=given, span=(0.0, 0.16))
     outcome, records = carried_out(task, tmp_path)
     assert outcome.restored + outcome.left == 4
-    said = json.loads(task.record.read_text())
+    said = json.loads(task.job.record.read_text())
     assert said["settings"]["trajectory_from"] == str(given)
     assert said["settings"]["transfer"] == "bt709"
     assert len(said["settings"]["input_sha256"]) == 64

@@ -3,8 +3,14 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsvideo.pipeline.clip_job import ClipJob
+    from rsvideo.pipeline.job import Job
 
 WHOLE = 64_000_000  # bytes; of larger files, and in folders, the size, the time of the last change and both ends are taken
 _END = 4_000_000
@@ -18,11 +24,21 @@ def of_file(path: Path) -> str:
 
 
 def of_source(path: Path) -> str:
-    """Changes when a clip, or any picture in a folder, does."""
+    """Changes when a clip, or any picture in a folder, does; of a pattern, any in its folder."""
+    if not path.exists():
+        path = path.parent
     if path.is_dir():
         ends = [[each.name, _ends(each, _END_IN_FOLDER)] for each in sorted(path.iterdir()) if each.is_file()]
         return of_values({"folder": ends})
     return of_file(path) if path.stat().st_size <= WHOLE else _ends(path, _END)
+
+
+def of_request(job: "Job | ClipJob") -> str:
+    """Of all that steers the work, and of the program; files by what they hold, not by where they are."""
+    asked = {name: value for name, value in asdict(job).items() if name not in ("source", "output", "overwrite")}
+    files = {"trajectory": job.trajectory, "gyro_path": job.gyro.path, "camera": None if job.camera is None else Path(job.camera)}
+    held = {name: of_file(path) if path is not None and path.is_file() else path for name, path in files.items()}
+    return of_values({**asked, "gyro": (job.gyro.offset, job.gyro.axes), **held, "rsvideo": version("rsvideo")})
 
 
 def of_values(values: Mapping[str, Any]) -> str:

@@ -1,0 +1,135 @@
+"""A clip cut into chunks, each restored by itself.
+
+A chunk is restored from its own frames, `warm_up` frames before and two behind them, so that the result does not depend on
+who restores which chunk.
+"""
+
+import hashlib
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel
+
+from rsvideo.config import motion as motion_file
+from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.config.method import Method
+from rsvideo.config.sidecar import FrameRecord
+from rsvideo.frame import FrameResult, Verdict
+from rsvideo.pipeline import methods, output
+from rsvideo.pipeline.clip_job import ClipTask
+from rsvideo.restoration.clip import Movement
+from rsvideo.video import colour, cuts, decode, planes, vidstab
+from rsvideo.video.clip import Picture
+
+LONGEST = 32  # frames of a chunk, and fewer of large pictures:
+MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
+WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chunk:
+    """Frames first to last, both included, restored with `warm_up` frames before them in view."""
+
+    index: int
+    first: int
+    last: int
+    warm_up: int
+
+
+class ChunkRecord(BaseModel):
+    """A chunk that was restored: the files that hold its frames, and a line on what became of each."""
+
+    pictures: str
+    frames: str
+    sha256: dict[str, str]  # of both, by their names
+
+
+def chunks(task: ClipTask) -> list[Chunk]:
+    """The clip cut at its changes of scene, and long scenes into equal parts; depends on the clip alone."""
+    longest = max(8, min(LONGEST, MOST_BYTES // task.picture_bytes))
+    scenes = [task.first, *(() if task.job.method is Method.NONE else cuts.cuts(task.pictures(), task.stream.colour)), task.last]
+    out: list[Chunk] = []
+    for begin, end in pairwise(scenes):
+        edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()
+        out += [Chunk(index=len(out) + n, first=a, last=b - 1, warm_up=min(WARM_UP, a - begin)) for n, (a, b) in enumerate(pairwise(edges))]
+    return out
+
+
+def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str, float], None]) -> ChunkRecord:
+    """Restore a chunk into a file of `folder`."""
+    begin, end = chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, task.last)
+    pictures = list(task.pictures(begin, end))
+    if task.job.method.steadied:
+        pictures = _steadied(task, pictures, folder)
+    moving = _movement(task, pictures, lambda index: observe(index, "motion", 0.0))
+    mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
+    wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
+    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
+    lines: list[bytes] = []
+
+    def shown() -> Iterator[Picture]:
+        for k, (picture, result) in enumerate(zip(wanted, _results(task, wanted, moving, observe), strict=True)):
+            lines.append(output.frame_record(result, moving.steps[k] if moving.tied[k] else None).encode() + b"\n")
+            restored = result.verdict is Verdict.RESTORED
+            yield colour.codes(result.latent, picture, task.stream.colour) if restored else picture
+
+    record.sha256[record.pictures] = planes.write(folder / record.pictures, shown())
+    write_whole({folder / record.frames: b"".join(lines)})
+    record.sha256[record.frames] = hashlib.sha256(b"".join(lines)).hexdigest()
+    return record
+
+
+def told(records: Iterable[ChunkRecord], folder: Path) -> Iterator[FrameRecord]:
+    """What became of the frames, one after the other; raises UnreadableError."""
+    for record in records:
+        path = folder / record.frames
+        try:
+            with path.open("rb") as file:
+                for line in file:
+                    yield FrameRecord.model_validate_json(line)
+        except (OSError, ValueError) as error:
+            raise UnreadableError(f"{path} is damaged: {error}") from error
+
+
+def _steadied(task: ClipTask, pictures: list[Picture], folder: Path) -> list[Picture]:
+    """vid.stab's frames in place of the clip's; whoever comes first makes them, for all chunks."""
+    whole = folder / "vidstab.mkv"
+    if not whole.exists():
+        with tempfile.TemporaryDirectory(dir=folder) as name:
+            vidstab.stabilised(task.job.source, Path(name) / whole.name, Path(name)).replace(whole)
+    stream = decode.probe(whole)
+    steady = decode.pictures(stream, pictures[0].index, pictures[-1].index + 1)
+    laid = (colour.relaid(picture, stream.colour, replace(task.stream.colour, transfer=stream.colour.transfer)) for picture in steady)
+    return [replace(before, planes=after.planes) for before, after in zip(pictures, laid, strict=True)]
+
+
+def _results(
+    task: ClipTask, pictures: list[Picture], moving: Movement, observe: Callable[[int, str, float], None]
+) -> Iterator[FrameResult]:
+    """What becomes of each picture, in order."""
+    for damaged, some in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
+        indices = list(some)
+        frames = (task.frame(pictures[k]) for k in indices)
+        if damaged or task.job.method is Method.NONE:
+            verdict = Verdict.DAMAGED if damaged else Verdict.UNTOUCHED
+            for frame in frames:
+                yield methods.untouched(task.treatment, frame, verdict)
+                observe(frame.index, "passed on", 1.0)
+        else:
+            part = moving.part(indices[0], indices[-1] + 1)
+            yield from methods.run(task.treatment, frames, part, lambda index, fraction: observe(index, "restoring", fraction))
+
+
+def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[int], None]) -> Movement:
+    """The motion within each frame, and from each to the next."""
+    camera = task.camera.intrinsics
+    if task.job.trajectory is not None:
+        ways, steps = motion_file.of_clip(task.job.trajectory, task.timing, camera, [(p.index, p.time) for p in pictures])
+        tied = [step is not None for step in steps]
+        return Movement(within=[*ways], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
+    begins = np.array([p.time for p in pictures])
+    return methods.movement(task.treatment, (task.frame(p) for p in pictures), begins, observe)
