@@ -76,7 +76,7 @@ def movement(
     if log.step > SLOWEST:
         raise ValueError(_slow(log))
     log = gyro.facing(log, axes)
-    _check_cover(log, begins, timing, offset)
+    check_cover(log, begins, timing, offset)
     tied = [*(True,) * (len(begins) - 1), False] if tied is None else list(tied)
     duration = timing.interval[1]
     starts = np.maximum(begins + offset, 0.0)
@@ -120,7 +120,7 @@ def first(way: Trajectory) -> Known:
 def known(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> Path:
     """The log's path over a run, along its scanlines, and how well it is known: a frame's motion to DRIFT px and its SHARE."""
     log = gyro.facing(log, axes)
-    _check_cover(log, run.begins, run.timing, offset)
+    check_cover(log, run.begins, run.timing, offset)
     path = clip.blank(run.begins, run.timing, run.axes)
     t = np.linspace(path.t0, path.t1, 8 * len(path.coefficients))
     angles = gyro.integrals(log)(np.clip(t + offset, 0, log.times[-1]))
@@ -159,7 +159,7 @@ def aligned(
             + (f"; offsets are sought between {between[0]:g} and {between[1]:g} s" if between else "")
         )
     if offset is not None:
-        _check_cover(log, run.begins, run.timing, offset)
+        check_cover(log, run.begins, run.timing, offset)
         tried = [(offset, turn) for turn in turns]
     else:
         tried = _coarse(log, run, turns, low, high)
@@ -194,7 +194,8 @@ def _slow(log: GyroLog) -> str:
     return f"a gyro log needs at least {1 / SLOWEST:.0f} samples a second to tell motion within a frame, got {1 / log.step:.3g}"
 
 
-def _check_cover(log: GyroLog, begins: np.ndarray, timing: ShutterTiming, offset: float) -> None:
+def check_cover(log: GyroLog, begins: np.ndarray, timing: ShutterTiming, offset: float) -> None:
+    """Refuse a log that does not reach over frames that begin at `begins` seconds of the clip."""
     first, last = float(begins.min()), float(begins.max() + timing.interval[1])
     slack = max(2 * log.step, SLACK)
     if first + offset < -slack or last + offset > log.times[-1] + slack:

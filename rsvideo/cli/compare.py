@@ -3,13 +3,14 @@
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from typer import Option
 
-from rsvideo.cli.deblur import Way
+from rsvideo.cli import asked, options
 from rsvideo.cli.validate import Sets, refusing
 from rsvideo.config.method import GyroFile, Method
 
@@ -58,28 +59,28 @@ def compare(
     ] = None,
     jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Methods at a time; times are fair with 1.")] = 1,
     resume: Annotated[bool, Option("--resume/--fresh", help="Take results of the same request that are there, or make them anew.")] = True,
-    exposure: Annotated[str | None, Option(metavar="TIME", help="As of deblur, as what follows.")] = None,
-    shutter_angle: Annotated[float | None, Option(metavar="DEGREES")] = None,
-    readout: Annotated[str | None, Option(metavar="TIME")] = None,
-    row_time: Annotated[str | None, Option(metavar="TIME")] = None,
-    scanlines_total: Annotated[int | None, Option(metavar="N")] = None,
-    direction: Annotated[Way | None, Option()] = None,
-    focal_px: Annotated[str | None, Option(metavar="PX")] = None,
-    camera: Annotated[str | None, Option(metavar="NAME")] = None,
-    motion: Annotated[Literal["rotation", "shift"] | None, Option()] = None,
-    prior: Annotated[Literal["denoiser", "tv"] | None, Option()] = None,
-    frames: Annotated[Literal["together", "alone", "cold"] | None, Option()] = None,
-    transfer: Annotated[str | None, Option(metavar="CURVE")] = None,
-    trajectory: Annotated[Path | None, Option(metavar="FILE")] = None,
-    block_rows: Annotated[int | None, Option(min=16, max=100_000)] = None,
-    gyro: Annotated[Path | None, Option(metavar="FILE")] = None,
-    gyro_offset: Annotated[float | None, Option(metavar="SECONDS")] = None,
-    gyro_axes: Annotated[str | None, Option(metavar="XYZ")] = None,
-    part: Annotated[str | None, Option("--range", metavar="FROM-TO")] = None,
-    rate: Annotated[str | None, Option(metavar="FPS")] = None,
+    exposure: options.Exposure = None,
+    shutter_angle: options.ShutterAngle = None,
+    readout: options.Readout = None,
+    row_time: options.RowTime = None,
+    scanlines_total: options.ScanlinesTotal = None,
+    direction: options.ReadoutDirection = None,
+    focal_px: options.FocalPx = None,
+    camera: options.Camera = None,
+    motion: options.Motion = None,
+    prior: options.Prior = None,
+    frames: options.Frames = None,
+    transfer: options.Transfer = None,
+    trajectory: options.GivenMotion = None,
+    block_rows: options.BlockRows = None,
+    gyro: options.Gyro = None,
+    gyro_offset: options.GyroOffset = None,
+    gyro_axes: options.GyroAxes = None,
+    part: options.Range = None,
+    rate: options.Rate = None,
     codec: Annotated[Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1"] | None, Option(help="Of the clips that are kept.")] = None,
-    quality: Annotated[float | None, Option(min=0, max=63)] = None,
-    force: Annotated[bool, Option("--force")] = False,
+    quality: options.Quality = None,
+    force: options.Force = False,
     sets: Sets = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the report, or the table.")] = False,
     json: Annotated[bool, Option("--json", help="Print report.json on standard output.")] = False,
@@ -90,28 +91,8 @@ def compare(
 
     Exit codes: 0 all done; 1 a method failed; 2 the request is wrong; 3 an input is damaged or missing; 4 a report exists.
     """
+    words = asked.words(locals())
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-    steering = {"motion": motion, "prior": prior, "frames": frames}
-    encoding = {"codec": codec, "quality": quality}
-    words: dict[str, Any] = {
-        "exposure": exposure,
-        "shutter_angle": shutter_angle,
-        "readout": readout,
-        "row_time": row_time,
-        "scanlines_total": scanlines_total,
-        "direction": direction,
-        "focal_px": focal_px,
-        "camera": camera,
-        "transfer": transfer,
-        "trajectory": trajectory,
-        "block_rows": block_rows,
-        "gyro": GyroFile(path=gyro, offset=gyro_offset, axes=gyro_axes),
-        "span": part,
-        "rate": rate,
-        "force": force or None,
-        "steering": {name: value for name, value in steering.items() if value is not None},
-        "encoding": {name: value for name, value in encoding.items() if value is not None},
-    }
     with refusing():
         wanted = None if methods is None else _methods(methods)
         crops = [_crop(text) for text in crop or ()]
@@ -119,10 +100,10 @@ def compare(
             raise ValueError("-o must say where the report goes: a folder, or the file of the table")
         if (source is None) == (table is None):
             raise ValueError("one input must be given: a photograph, a clip or a job's file, or --table with a folder of cases")
+        given = next((asked.option(name) for name in words), None)
         if table is not None:
-            given = _given(words) or ("truth" if truth else "crop" if crops else None)
-            if given:
-                raise ValueError(f"--{given.replace('_', '-')} cannot be given with --table: each case says it by itself")
+            if given or truth or crops:
+                raise ValueError(f"{given or ('--truth' if truth else '--crop')} cannot be given with --table: each case says it by itself")
             kind = format_ or _FORMATS.get(output.suffix.lower())
             if kind is None:
                 raise ValueError(
@@ -131,30 +112,26 @@ def compare(
             folder = results or output.with_name(output.stem + "_results")
             return _table(table, output, kind, wanted or _TABLE, folder, jobs=jobs, resume=resume, overwrite=overwrite)
         assert source is not None
+        kept = results or output / "results"
         if source.suffix.lower() in (".yaml", ".yml"):
-            if given := _given(words):
-                raise ValueError(
-                    f"--{given.replace('_', '-')} cannot be given with a job's file, which says it; --set camera.exposure=1/50 does"
-                )
-            return _batch(
-                source, output, wanted, truth, crops, results, sets or (), jobs=jobs, resume=resume, overwrite=overwrite, json=json
-            )
-        if sets:
-            raise ValueError("--set is for a job's file")
-        return _one(source, output, wanted, truth, crops, results, words, jobs=jobs, resume=resume, overwrite=overwrite, json=json)
+            if given:
+                raise ValueError(f"{given} cannot be given with a job's file, which says it; --set camera.exposure=1/50 does")
+            works, title = _of_job(source, wanted, truth, crops, kept, sets or ()), source.stem
+        else:
+            if sets:
+                raise ValueError("--set is for a job's file")
+            works, title = [_of_words(source, wanted, truth, crops, kept, words)], None
+        return _compared(works, output, title, jobs=jobs, resume=resume, overwrite=overwrite, json=json)
 
 
-def _given(words: dict[str, Any]) -> str | None:
-    """The first option that says something of the input."""
-    return next((name for name, value in words.items() if value and value != GyroFile()), None)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Work:
+    """One input, and what is tried on it."""
 
-
-def _own(words: dict[str, Any], method: Method) -> dict[str, Any]:
-    """What concerns a method of all that is said."""
-    return {
-        "gyro": words["gyro"] if method.recorded else GyroFile(),
-        "block_rows": words["block_rows"] if method is Method.STITCH else None,
-    }
+    name: str
+    jobs: "Sequence[Job | ClipJob]"
+    truth: Path | None
+    crops: Sequence[tuple[int, int, int, int]]
 
 
 def _methods(text: str) -> tuple[Method, ...]:
@@ -194,109 +171,95 @@ def _folder(output: Path, *, overwrite: bool) -> None:
         raise ValueError(f"the report's folder {output} must be writable: {why}; is -o right?") from error
 
 
-def _one(
+def _of_words(
     source: Path,
-    output: Path,
     wanted: Sequence[Method] | None,
     truth: Path | None,
     crops: Sequence[tuple[int, int, int, int]],
-    results: Path | None,
+    kept: Path,
     words: dict[str, Any],
-    *,
-    jobs: int,
-    resume: bool,
-    overwrite: bool,
-    json: bool,
-) -> int:
-    from rsvideo.cli import asked, quiet
-    from rsvideo.cli.progress import bar
-    from rsvideo.pipeline import compare as look
-
-    clip = asked.is_clip(source)
-    tried = wanted or _applying(clip=clip, recorded=words["gyro"] != GyroFile())
+) -> _Work:
+    clip, about_logs = asked.is_clip(source), [name for name in words if name.startswith("gyro")]
+    tried = wanted or _applying(clip=clip, recorded=bool(about_logs))
     for name in tried:
         if name.needs_clip and not clip:
             raise ValueError(f"method {name} concerns clips, it sees the motion between frames; {source} is taken for a photograph")
-    kept = results or output / "results"
-    orders = [
-        asked.job(source, kept / name / _name(source), {**words, "method": name, **_own(words, name), **_encoding(source, words)})
-        for name in tried
-    ]
-    with quiet.c_libraries():
-        look.settled(orders, truth, crops)
-    _folder(output, overwrite=overwrite)
-    with bar() as show:
-        comparison, attempts = _carried_out(orders, truth, crops, show, jobs=jobs, resume=resume)
-    _note(attempts)
-    _write(output, comparison)
-    if json:
-        print((output / "report.json").read_text(encoding="utf-8"), end="")
-    _tell(comparison, output)
-    return _code(attempts)
+
+    def concerning(method: Method) -> dict[str, Any]:
+        others = [*(about_logs if not method.recorded else ()), *(("block_rows",) if method is not Method.STITCH else ())]
+        return {name: value for name, value in words.items() if name not in others} | {"method": method}
+
+    lossless = {"codec": "ffv1"} if _pictures(source) else {}
+    jobs = [asked.job(source, kept / name / _name(source), lossless | concerning(name)) for name in tried]
+    return _Work(name="", jobs=jobs, truth=truth, crops=crops)
 
 
-def _batch(
+def _of_job(
     path: Path,
-    output: Path,
     wanted: Sequence[Method] | None,
     truth: Path | None,
     crops: Sequence[tuple[int, int, int, int]],
-    results: Path | None,
+    kept: Path,
     sets: Iterable[str],
-    *,
-    jobs: int,
-    resume: bool,
-    overwrite: bool,
-    json: bool,
-) -> int:
-    from dataclasses import replace
-
+) -> list[_Work]:
     from rsvideo.batch import plan
     from rsvideo.batch.job import understood
-    from rsvideo.cli import quiet
-    from rsvideo.cli.progress import bar
     from rsvideo.config import yaml
-    from rsvideo.config.files import write_whole
-    from rsvideo.pipeline import compare as look
-    from rsvideo.report import page
 
     batch = plan.read(path, tuple(sets), overwrite=True)
     report = understood(*yaml.load(path)).report
     recorded = any(request.job.gyro != GyroFile() for request in batch.requests)
     tried = wanted or report.methods or _applying(clip=True, recorded=recorded)
-    parts = crops or report.crops
     works = []
+    for job in (request.job for request in batch.requests):
+        name = job.output.stem
+        jobs = [
+            replace(
+                job,
+                method=method,
+                output=kept / name / method / _name(job.source),
+                gyro=job.gyro if method.recorded else GyroFile(),
+                block_rows=job.block_rows if method is Method.STITCH else None,
+            )
+            for method in tried
+        ]
+        works.append(_Work(name=name, jobs=jobs, truth=truth or report.truth_of(job.source), crops=crops or report.crops))
+    return works
+
+
+def _compared(works: Sequence[_Work], output: Path, title: str | None, *, jobs: int, resume: bool, overwrite: bool, json: bool) -> int:
+    """A page for each input; and an index of them all, with a `title`."""
+    from rsvideo.cli import quiet
+    from rsvideo.cli.progress import bar
+    from rsvideo.config.files import write_whole
+    from rsvideo.pipeline import compare as look
+    from rsvideo.report import page
+
     with quiet.c_libraries():
-        for request in batch.requests:
-            source = request.job.source
-            kept = (results or output / "results") / request.job.output.stem
-            orders = [
-                replace(request.job, method=name, output=kept / name / _name(source), overwrite=True, **_own(vars(request.job), name))
-                for name in tried
-            ]
-            against = truth or report.truth_of(source)
-            look.settled(orders, against, parts)
-            works.append((request.job.output.stem, orders, against))
+        for work in works:
+            look.settled(work.jobs, work.truth, work.crops)
     _folder(output, overwrite=overwrite)
     done, everyone = [], []
     with bar() as show:
-        for n, (name, orders, against) in enumerate(works):
+        for n, work in enumerate(works):
 
-            def part(stage: str, fraction: float, n=n, name=name) -> None:
-                show(f"{name}: {stage}", (n + fraction) / len(works))
+            def part(stage: str, fraction: float, n=n, name=work.name) -> None:
+                show(f"{name}: {stage}" if name else stage, (n + fraction) / len(works))
 
-            comparison, attempts = _carried_out(orders, against, parts, part, jobs=jobs, resume=resume)
-            (output / name).mkdir(exist_ok=True)
-            _write(output / name, comparison)
-            done.append((name, comparison))
+            comparison, attempts = _carried_out(work, part, jobs=jobs, resume=resume)
+            (output / work.name).mkdir(exist_ok=True)
+            _write(output / work.name, comparison)
+            done.append((work.name, comparison))
             everyone += attempts
     _note(everyone)
-    write_whole({output / "index.html": page.index(path.stem, done), **_numbers(output, [comparison for _, comparison in done])})
+    if title is not None:
+        write_whole({output / "index.html": page.index(title, done), **_numbers(output, [comparison for _, comparison in done])})
     if json:
         print((output / "report.json").read_text(encoding="utf-8"), end="")
     for name, comparison in done:
         _tell(comparison, output / name)
-    print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
+    if title is not None:
+        print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
     return _code(everyone)
 
 
@@ -306,26 +269,16 @@ def _numbers(output: Path, comparisons: "Sequence[Comparison]") -> dict[Path, by
     return {output / "report.csv": values.all_csv(comparisons), output / "report.json": values.all_json(comparisons)}
 
 
-def _carried_out(
-    jobs_: "Sequence[Job | ClipJob]",
-    truth: Path | None,
-    crops: Sequence[tuple[int, int, int, int]],
-    show: Show,
-    *,
-    jobs: int,
-    resume: bool,
-) -> "tuple[Comparison, list[Attempt]]":
+def _carried_out(work: _Work, show: Show, *, jobs: int, resume: bool) -> "tuple[Comparison, list[Attempt]]":
     from rsvideo.cli import quiet
     from rsvideo.pipeline import attempt, compare
 
-    def half(stage: str, fraction: float) -> None:
-        show(stage, 0.9 * fraction)
-
-    orders = [attempt.Order(job=job) for job in jobs_]
-    attempts = attempt.all_of(orders, most=jobs, resume=resume, quiet=quiet.wanted(), show=half)
-    return compare.compared(
-        jobs_[0], attempts, truth=truth, crops=crops, show=lambda stage, fraction: show(stage, 0.9 + 0.1 * fraction)
-    ), attempts
+    orders = [attempt.Order(job=job) for job in work.jobs]
+    attempts = attempt.all_of(orders, most=jobs, resume=resume, quiet=quiet.wanted(), show=lambda stage, done: show(stage, 0.9 * done))
+    seen = compare.compared(
+        work.jobs[0], attempts, truth=work.truth, crops=work.crops, show=lambda stage, done: show(stage, 0.9 + 0.1 * done)
+    )
+    return seen, attempts
 
 
 def _applying(*, clip: bool, recorded: bool) -> tuple[Method, ...]:
@@ -338,19 +291,16 @@ def _applying(*, clip: bool, recorded: bool) -> tuple[Method, ...]:
 
 def _name(source: Path) -> str:
     """Of a result, in a format that every method can write and that loses as little as the source's own."""
-    from rsvideo.cli import asked
-
     if not asked.is_clip(source):
         return source.stem + ".png"
-    if source.is_dir() or any(mark in source.name for mark in "#%*"):
+    if _pictures(source):
         return "".join(letter for letter in source.stem if letter not in "#%*").strip("_-. ") + ".mkv"
     return source.stem + (source.suffix.lower() if source.suffix.lower() in (".mp4", ".mov", ".mkv") else ".mkv")
 
 
-def _encoding(source: Path, words: dict[str, Any]) -> dict[str, Any]:
-    """Pictures of a folder become one lossless clip."""
-    pictures = source.is_dir() or any(mark in source.name for mark in "#%*")
-    return {"encoding": {"codec": "ffv1", **words["encoding"]}} if pictures else {}
+def _pictures(source: Path) -> bool:
+    """Whether it is a folder or a pattern, whose pictures become one lossless clip."""
+    return source.is_dir() or any(mark in source.name for mark in "#%*")
 
 
 def _write(output: Path, comparison: "Comparison") -> None:

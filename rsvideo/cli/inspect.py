@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from rsvideo.cli.deblur import Way
+from rsvideo.cli.options import Way
 
 if TYPE_CHECKING:
     from rsvideo.config.said import Said

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from typer import Option
 
+from rsvideo.cli.options import Way
+
 if TYPE_CHECKING:
     import numpy as np
 
     from rsvideo.physics.staging import Motion
 
-Way = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
 MOST_LOG_BYTES = 500_000_000
 MOST_YAML_BYTES = 100_000
 

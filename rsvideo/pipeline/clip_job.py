@@ -243,7 +243,9 @@ def _gyro(
         return None
     found = recorded.read(job.gyro, job.source, timing)
     pictures = decode.pictures(stream, first, min(last, first + recorded.LOOKED_AT), on_damage=job.on_damage)
-    return recorded.placed(job.gyro, found, (_frame(stream, p) for p in pictures), timing, camera, settings)
+    placed = recorded.placed(job.gyro, found, (_frame(stream, p) for p in pictures), timing, camera, settings)
+    placed.check_cover((stream.times[first:last] - stream.times[0]) * float(stream.time_base), timing)
+    return placed
 
 
 def _frame(stream: Stream, picture: Picture) -> Frame:

@@ -39,6 +39,10 @@ class Gyro:
         assert way is not None
         return way
 
+    def check_cover(self, begins: np.ndarray, timing: ShutterTiming) -> None:
+        """Refuse a log that does not reach over frames that begin at `begins` seconds."""
+        gyro.check_cover(self.log, begins, timing, self.offset)
+
     def movement(self, begins: np.ndarray, timing: ShutterTiming, intrinsics: Intrinsics) -> Movement:
         """The motion of frames that begin at `begins` seconds."""
         return gyro.movement(self.log, begins, timing, intrinsics, offset=self.offset, axes=self.axes)

@@ -150,11 +150,15 @@ def test_a_method_that_is_not_known_is_named_with_the_one_that_was_meant(clip: P
         (("--methods", "gyro", "--gyro", "gone.gcsv", *GOOD), 3, "gone.gcsv"),
         (("--methods", "rsvideo"), 2, "exposure"),
         (("--set", "camera.exposure=1/50"), 2, "--set is for a job's file"),
+        (("--methods", "gyro", "--gyro", "LOG", "--gyro-offset", "1000", "--gyro-axes", "XYZ", *GOOD), 2, "gyro log must cover the clip"),
     ],
-    ids=["no methods", "half a crop", "crop outside", "no truth", "no log", "no timing", "set"],
+    ids=["no methods", "half a crop", "crop outside", "no truth", "no log", "no timing", "set", "log of another time"],
 )
 def test_a_wrong_request_is_one_line(clip: Path, tmp_path: Path, words: tuple[str, ...], code: int, part: str) -> None:
     methods = () if "--methods" in words else ("--methods", "none")
+    log = tmp_path / "short.csv"
+    log.write_text("".join(f"{k * 10**6} {0.2 * np.sin(k / 7)} {0.3 * np.cos(k / 9)} 0.1\n" for k in range(60)))
+    words = tuple(str(log) if word == "LOG" else word for word in words)
     told = refused(clip, "-o", tmp_path / "r", *methods, *words)
     assert told[0] == code, told
     assert part in told[1]
@@ -179,7 +183,10 @@ def test_a_still_is_not_rectified(case: Path, tmp_path: Path) -> None:
 def test_a_report_that_cannot_be_written_is_refused_before_the_work(clip: Path, tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("not a folder")
-    for where, why in ((file, "it is a file"), (tmp_path / "no" / "where", "the folder it lies in does not exist")):
+    places = [(file, "it is a file"), (tmp_path / "no" / "where", "the folder it lies in does not exist")]
+    if Path("/proc").is_dir():  # into which even root cannot write
+        places.append((Path("/proc/report"), "must be writable"))
+    for where, why in places:
         code, line = refused(clip, "-o", where, "--methods", "none")
         assert (code, why in line) == (2, True), line
 
