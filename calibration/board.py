@@ -19,6 +19,8 @@ _FIND_PX = 1280  # a chessboard is looked for in a picture no longer than that, 
 _WINDOW, _WIDEST = 1 / 3, 16  # half of the window about a corner: part of the distance to the nearest other one, and px
 _TAGS = "DICT_APRILTAG_36h11"
 _TAG_BORDER = 2  # bits, as kalibr prints them
+_TAG_PERIMETER = 0.02  # of the picture's longer side, of the smallest tag
+_TAG_BENT = 0.1  # of a tag's side; a corner that is off by more beside the tag's other ones was mistaken
 _COUNTS = re.compile(r"(\d{1,4})x(\d{1,4})")
 _LENGTH = re.compile(r"(\d{1,6}\.?\d{0,6}|\.\d{1,6})(mm|cm|m|)")
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -231,6 +233,8 @@ def _find_charuco(board: Board, grey: UInt8[np.ndarray, "rows cols"]) -> Seen | 
 def _find_tags(board: Board, grey: UInt8[np.ndarray, "rows cols"]) -> Seen | None:
     how = cv2.aruco.DetectorParameters()
     how.markerBorderBits = _TAG_BORDER
+    how.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_CONTOUR  # by the tag's sides, since the small squares at its corners draw it out
+    how.minMarkerPerimeterRate = _TAG_PERIMETER
     quads, numbers, _ = cv2.aruco.ArucoDetector(_markers(board), how).detectMarkers(grey)
     if not quads:
         return None
@@ -255,8 +259,15 @@ def _find_tags(board: Board, grey: UInt8[np.ndarray, "rows cols"]) -> Seen | Non
     if not kept:
         return None
     sides = np.array([np.linalg.norm(np.roll(quad, 1, axis=0) - quad, axis=1).min() for quad in points])
-    windows = 0.4 * np.repeat(sides, 4) * board.inner / board.side  # within the small squares
-    return Seen(numbers=np.concatenate(kept), points=_refined(grey, np.concatenate(points), windows))
+    windows = 0.5 * np.repeat(sides, 4) * board.inner / board.side  # within the small squares
+    numbers, refined = np.concatenate(kept), _refined(grey, np.concatenate(points), windows)
+    whole, _ = cv2.findHomography(corners[numbers], refined, cv2.RANSAC, float(_TAG_BENT * sides.mean()))
+    if whole is None:
+        return None
+    off = (refined - cv2.perspectiveTransform(corners[numbers][None], whole)[0]).reshape(-1, 4, 2)
+    off -= np.median(off, axis=1, keepdims=True)  # a lens displaces a tag's corners alike
+    sound = np.repeat(np.abs(off).max(axis=(1, 2)) < _TAG_BENT * sides, 4)
+    return Seen(numbers=numbers[sound], points=refined[sound])
 
 
 def _spacing(grid: Float[np.ndarray, "rows cols 2"]) -> Float[np.ndarray, "rows cols"]:

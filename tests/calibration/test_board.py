@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from calibration import sheet
 from calibration.board import Kind, find, parse
+from tests.calibration.boards_in_view import picture
 
 CHESSBOARD, CHARUCO, GRID = "chessboard:9x6:25mm", "charuco:5x7:DICT_6X6_250:30mm:22mm", "aprilgrid:6x6:22mm:0.3"
 BOARDS = [CHESSBOARD, CHARUCO, GRID, "charuco:6x8:dict_4x4_50:3cm:0.02m", "aprilgrid:5x3:30mm:9mm", "chessboard:4x3:30mm"]
@@ -84,6 +85,18 @@ def test_a_turned_and_partly_hidden_board_keeps_its_corners_numbers(name: str, t
     turn = np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turns)  # of points (x, y), y down, when rows are turned counter-clockwise
     turned = at @ turn
     np.testing.assert_allclose(seen.points - seen.points[0], turned - turned[0], atol=0.05)
+
+
+@pytest.mark.parametrize("name", ["chessboard:6x5:25mm", "charuco:7x5:DICT_4X4_50:30mm:22mm", "aprilgrid:4x3:36mm:0.3"])
+def test_corners_of_a_tilted_board_lie_as_one_plane_is_seen(name: str) -> None:
+    board, rng = parse(name), np.random.default_rng(3)
+    for _ in range(8):
+        turn, middle = rng.uniform(-0.5, 0.5, 3).tolist(), (rng.uniform(-0.03, 0.03), rng.uniform(-0.02, 0.02), rng.uniform(0.26, 0.34))
+        seen = find(board, picture(board, turn, middle))
+        assert seen is not None
+        at = board.corners()[seen.numbers, :2]
+        plane, _ = cv2.findHomography(at, seen.points)
+        assert np.abs(cv2.perspectiveTransform(at[None], plane)[0] - seen.points).max() < 0.4
 
 
 def test_a_picture_without_a_board_has_none() -> None:
