@@ -35,6 +35,17 @@ def test_a_clip_is_steadier_and_keeps_its_frames_times_and_size(tmp_path: Path) 
 
 
 @needed
+@pytest.mark.parametrize("name", ["a: b 'c' \"d\" \\e", "\u00fcber \u96ea [0:v];,=%d #1", "-y", "pipe:1"])
+def test_any_name_of_source_result_and_folder_will_do(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / name
+    folder.mkdir()
+    clip = Moving(frames=3, rows=64, cols=96).clip(tmp_path / "clip.mp4").rename(folder / f"{name}.mp4")
+    found = vidstab.stabilised(clip, folder / f"{name}.mkv", folder)
+    assert probe(found).frames == 3
+    assert sorted(path.name for path in folder.iterdir()) == sorted(["motion.trf", f"{name}.mp4", f"{name}.mkv"])
+
+
+@needed
 def test_what_is_no_clip_and_what_takes_too_long_are_told(tmp_path: Path) -> None:
     (tmp_path / "no.mp4").write_bytes(b"no clip at all")
     with pytest.raises(UnreadableError, match=r"no.mp4 could not be stabilised by vid.stab: .+"):
