@@ -13,8 +13,8 @@ from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline.attempt import Attempt, Order, all_of
 from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.compare import shots
 from rsvideo.pipeline.job import Job
+from rsvideo.pipeline.shots import shots
 from rsvideo.report import metrics
 from rsvideo.report.table import DOES_NOT_APPLY, Row, Table
 

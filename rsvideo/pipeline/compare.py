@@ -1,60 +1,36 @@
-"""What several methods made of one picture or clip, decoded side by side, measured, and gathered for a report."""
+"""What several methods made of one picture or clip, side by side, measured, and gathered for a report."""
 
 import math
 import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
 
 import av
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
 
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.sidecar import FrameRecord, Sidecar
 from rsvideo.frame import Verdict
-from rsvideo.physics import tone
-from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.tone import Transfer
-from rsvideo.physics.trajectory import Spline, centred, fit
-from rsvideo.pipeline import attempt, clip_job, process
+from rsvideo.pipeline import attempt, clip_job, looks, process, residual
+from rsvideo.pipeline import shots as shots_of
 from rsvideo.pipeline.attempt import Attempt
 from rsvideo.pipeline.clip_job import ClipJob
 from rsvideo.pipeline.job import Job
+from rsvideo.pipeline.shots import Light, Plan, Shot
 from rsvideo.report import metrics
 from rsvideo.report.comparison import Comparison, Crop, Entry, Look, Measured, Role
-from rsvideo.video import colour, decode, still
-from rsvideo.video.clip import Matrix, Stream
+from rsvideo.video import decode, still
 from rsvideo.video.mosaic import Grid, Mosaic
 
-MOST_LOOKS = 48  # frames that are shown
-MOST_SIDE = 1920  # px of a picture on the page
-_PICTURES_BYTES, _VIDEO_BYTES = 15_000_000, 4_500_000  # of a page, before they become text
-_BYTES_A_PIXEL = 0.15  # of WebP, roughly
-_QUALITY, _WORST_QUALITY = 88, 50
+_VIDEO_BYTES = 4_500_000  # of a page, before they become text
 _VIDEO_FRAMES = 720
-_GAIN = 8  # by which residuals are magnified
-_TERMS = 20  # of the spline that stands for a sampled trajectory
-_THUMB = 160  # px
-_PLAIN = (Transfer.SRGB, Transfer.BT709, Transfer.GAMMA22, Transfer.GAMMA28)  # may be shown as they are
-
-Light = tuple[Float32[np.ndarray, "rows cols"], Bool[np.ndarray, "rows cols"]]  # luminance, and where it is valid
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Shot:
-    """One picture of an entry: codes in [0, 1] to be measured, and what is shown of it."""
-
-    codes: Float32[np.ndarray, "rows cols 3"]
-    shown: UInt8[np.ndarray, "r c 3"]  # as people see it: turned upright, in a screen's curve
-    light: Callable[[], Light]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,25 +47,6 @@ class _Reel:
     def records(self) -> Mapping[int, FrameRecord]:
         """Of frames, by their index."""
         return {} if self.sidecar is None else {record.index: record for record in self.sidecar.frames}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Plan:
-    """What both kinds of input have in common."""
-
-    kind: Literal["still", "clip"]
-    rows: int  # as shown
-    cols: int
-    rate: Fraction
-    first: int
-    last: int
-    times: Sequence[float]
-    reel: Callable[[Path, bool], Iterator[Shot]]  # of a file; whether it is a whole clip, not only the part
-
-    @property
-    def scale(self) -> float:
-        """Of the pictures on the page."""
-        return min(1.0, MOST_SIDE / max(self.rows, self.cols))
 
 
 def settled(jobs: Sequence[Job | ClipJob], truth: Path | None, crops: Sequence[tuple[int, int, int, int]]) -> None:
@@ -127,7 +84,7 @@ def _still_shape(path: Path, transfer: Transfer | None) -> str:
 
 def _check_crops(crops: Sequence[tuple[int, int, int, int]], job: Job | ClipJob) -> None:
     """Refuse crops that reach beyond the picture as it is shown."""
-    plan = _plan(job)
+    plan = shots_of.plan(job)
     for x, y, w, h in crops:
         if min(w, h) < 8 or min(x, y) < 0 or x + w > plan.cols or y + h > plan.rows:
             raise ValueError(
@@ -144,18 +101,19 @@ def compared(
     show: Callable[[str, float], None],
 ) -> Comparison:
     """Decode what the methods made of the job's source, all at once, and measure it."""
-    plan = _plan(job)
+    plan = shots_of.plan(job)
+    scale = looks.scale(plan.rows, plan.cols)
     reels = _reels(job, attempts, truth, plan)
     count = plan.last - plan.first
-    wanted = _looks(count, len(reels), plan.rows * plan.cols * plan.scale**2)
+    wanted = looks.chosen(count, len(reels), plan.rows * plan.cols * scale**2)
     grid = Grid.fitting(len(reels), plan.rows, plan.cols)
     mosaic = None
     if plan.kind == "clip" and count > 1:
         mosaic = Mosaic(grid, plan.rate, most_bytes=_VIDEO_BYTES, frames=min(count, _VIDEO_FRAMES))
     measured: dict[str, list[Measured]] = {reel.name: [] for reel in reels}
     before: dict[str, tuple[int, np.ndarray]] = {}
-    looks: list[Look] = []
-    key, area, left = 0, np.zeros((0, 0)), float(_PICTURES_BYTES)
+    shown: list[Look] = []
+    key, area, left = 0, np.zeros((0, 0)), float(looks.PICTURES_BYTES)
     with ThreadPoolExecutor(process.cores()) as pool:
         for n, (index, shots) in enumerate(_together(reels, plan)):
             show(f"measuring frame {index}", n / count)
@@ -166,19 +124,20 @@ def compared(
             found = list(pool.map(partial(_measures, shots=shots, lumas=lumas, earlier=earlier), seen))
             residuals = {}
             for reel, values in zip(seen, found, strict=True):
-                if n in wanted and (residual := _residual(reel, index, shots, reels[0].name)):
-                    values["whiteness"] = metrics.whiteness(*residual)
-                    residuals[reel.name] = _drawn(residual, plan.scale)
+                if n in wanted and (unexplained := _residual(reel, index, shots, reels[0].name)):
+                    values["whiteness"] = metrics.whiteness(*unexplained)
+                    residuals[reel.name] = looks.drawn(unexplained, scale)
                 measured[reel.name].append(_measured(reel, index, plan.times[n], values))
             if mosaic is not None and n < _VIDEO_FRAMES:
                 mosaic.write([shots[reel.name].shown if reel.name in shots else None for reel in reels])
             if n in wanted:
-                look = _look(seen, index, plan.times[n], shots, residuals, plan.scale, left / (len(wanted) - len(looks)), pool)
+                records = {reel.name: reel.records[index] for reel in seen if index in reel.records}
+                look = looks.look(index, plan.times[n], shots, records, residuals, scale, left / (len(wanted) - len(shown)), pool)
                 left -= sum(map(len, (*look.pictures.values(), *residuals.values())))
-                difference = _difference([shots[reel.name].shown for reel in seen if reel.role != "truth"])
-                if not looks or difference.sum() > area.sum():
-                    key, area = len(looks), difference
-                looks.append(look)
+                difference = looks.difference([shots[reel.name].shown for reel in seen if reel.role != "truth"])
+                if not shown or difference.sum() > area.sum():
+                    key, area = len(shown), difference
+                shown.append(look)
     entries = _entries(reels, attempts, measured)
     return Comparison(
         title=job.source.name,
@@ -188,9 +147,9 @@ def compared(
         cols=plan.cols,
         rate=float(plan.rate) if plan.kind == "clip" else 0.0,
         entries=entries,
-        looks=tuple(looks),
+        looks=tuple(shown),
         key=key,
-        crops=(*(Crop(x=x, y=y, w=w, h=h, chosen=True) for x, y, w, h in crops), *_crops(area, plan.rows, plan.cols)),
+        crops=(*(Crop(x=x, y=y, w=w, h=h, chosen=True) for x, y, w, h in crops), *looks.crops(area, plan.rows, plan.cols)),
         timing=_timing(entries),
         truth=None if truth is None else str(truth),
         video=None if mosaic is None else mosaic.close(),
@@ -204,34 +163,6 @@ def _measured(reel: _Reel, index: int, time_s: float, values: Mapping[str, float
     record = reel.records.get(index)
     verdict = "" if reel.role != "method" else record.verdict if record else Verdict.UNTOUCHED.value
     return Measured(index=index, time_s=time_s, verdict=verdict, seconds=record.seconds if record else 0.0, values=values)
-
-
-def _look(
-    seen: Sequence[_Reel],
-    index: int,
-    time_s: float,
-    shots: Mapping[str, Shot],
-    residuals: Mapping[str, bytes],
-    scale: float,
-    most: float,
-    pool: ThreadPoolExecutor,
-) -> Look:
-    """Pictures at the best quality at which they take about `most` bytes."""
-    used, quality = sum(map(len, residuals.values())), _QUALITY
-    while True:
-        pictures = list(pool.map(lambda reel, quality=quality: _webp(shots[reel.name].shown, scale, quality), seen))
-        if used + sum(map(len, pictures)) <= 1.2 * most or quality <= _WORST_QUALITY:
-            break
-        quality -= 10
-    first = shots[seen[0].name].shown
-    return Look(
-        index=index,
-        time_s=time_s,
-        pictures={reel.name: picture for reel, picture in zip(seen, pictures, strict=True)},
-        residuals=residuals,
-        records={reel.name: reel.records[index] for reel in seen if index in reel.records},
-        thumbnail=_webp(first, _THUMB / max(first.shape[:2]), 70),
-    )
 
 
 def _entries(reels: Sequence[_Reel], attempts: Sequence[Attempt], measured: Mapping[str, Sequence[Measured]]) -> tuple[Entry, ...]:
@@ -257,44 +188,7 @@ def _entries(reels: Sequence[_Reel], attempts: Sequence[Attempt], measured: Mapp
     return tuple(everyone[name] for name in dict.fromkeys(["recorded", *(a.method for a in attempts), "truth"]) if name in everyone)
 
 
-def shots(path: Path) -> Iterator[Shot]:
-    """All pictures of a still or a clip."""
-    if path.suffix.lower() in (".mp4", ".mov", ".mkv"):
-        stream = decode.probe(path)
-        return _clip_shots(stream, 0, stream.frames)
-    return iter([_still_shot(path, None)])
-
-
-def _plan(job: Job | ClipJob) -> _Plan:
-    if isinstance(job, Job):
-        rows, cols = still.read(job.source, job.transfer).pixels.shape[:2]
-
-        def one(path: Path, _: bool) -> Iterator[Shot]:
-            yield _still_shot(path, job.transfer)
-
-        return _Plan(kind="still", rows=rows, cols=cols, rate=Fraction(1), first=0, last=1, times=(0.0,), reel=one)
-    stream = decode.probe(job.source, job.pictures_a_second, on_damage=job.on_damage)
-    first, last = clip_job.span(job, stream)
-    turned = stream.rotation // 90 % 2
-
-    def many(path: Path, whole: bool) -> Iterator[Shot]:
-        its = decode.probe(path, job.pictures_a_second, on_damage=job.on_damage)
-        begin, end = (first, last) if whole and its.frames == stream.frames else (0, its.frames)
-        return _clip_shots(its, begin, end, transfer=job.transfer, on_damage=job.on_damage, turns=stream.rotation // 90)
-
-    return _Plan(
-        kind="clip",
-        rows=stream.cols if turned else stream.rows,
-        cols=stream.rows if turned else stream.cols,
-        rate=stream.rate,
-        first=first,
-        last=last,
-        times=[stream.seconds(k) for k in range(first, last)],
-        reel=many,
-    )
-
-
-def _reels(job: Job | ClipJob, attempts: Sequence[Attempt], truth: Path | None, plan: _Plan) -> list[_Reel]:
+def _reels(job: Job | ClipJob, attempts: Sequence[Attempt], truth: Path | None, plan: Plan) -> list[_Reel]:
     """The recording first, unless the method `none` stands for it; the truth last."""
     reels = []
     for each in attempts:
@@ -312,7 +206,7 @@ def _reels(job: Job | ClipJob, attempts: Sequence[Attempt], truth: Path | None, 
     return reels
 
 
-def _together(reels: Sequence[_Reel], plan: _Plan) -> Iterator[tuple[int, dict[str, Shot]]]:
+def _together(reels: Sequence[_Reel], plan: Plan) -> Iterator[tuple[int, dict[str, Shot]]]:
     """The shots of all entries that have one, frame by frame."""
     heads = {reel.name: next(reel.shots, None) for reel in reels}
     for index in range(plan.first, plan.last):
@@ -324,46 +218,6 @@ def _together(reels: Sequence[_Reel], plan: _Plan) -> Iterator[tuple[int, dict[s
                 shots[reel.name] = head[1]
                 heads[reel.name] = next(reel.shots, None)
         yield index, shots
-
-
-def _clip_shots(
-    stream: Stream, first: int, last: int, *, transfer: str | None = None, on_damage: decode.OnDamage = "fail", turns: int = 0
-) -> Iterator[Shot]:
-    own = stream.colour
-    if transfer:
-        own = replace(own, transfer=Transfer(transfer))
-    rgb = replace(own, matrix=Matrix.RGB, full_range=True, depth=8, subsampling="4:4:4", pixel_format="gbrp", chroma_shift=(0, 0))
-    screen = rgb if own.transfer in _PLAIN or not isinstance(own.transfer, Transfer) else replace(rgb, transfer=Transfer.SRGB)
-    if own.floating:
-        rgb = screen
-    for picture in decode.pictures(stream, first, last, on_damage=on_damage):
-        codes = np.stack(colour.relaid(picture, own, rgb).planes, axis=-1)
-        shown = codes if screen is rgb else np.stack(colour.relaid(picture, own, screen).planes, axis=-1)
-
-        def light(picture=picture) -> Light:
-            pixels, clipped = colour.light(picture, own)
-            return metrics.luma(pixels), np.asarray(~clipped.any(axis=2))
-
-        yield Shot(codes=codes.astype(np.float32) / np.float32(255), shown=np.ascontiguousarray(np.rot90(shown, turns)), light=light)
-
-
-def _still_shot(path: Path, transfer: Transfer | None) -> Shot:
-    photograph = still.read(path, transfer)
-    codes = tone.encode(photograph.transfer, photograph.pixels)
-    shown = codes if photograph.transfer in _PLAIN else tone.encode(Transfer.SRGB, photograph.pixels)
-    if codes.shape[2] == 1:
-        codes, shown = (np.repeat(x, 3, axis=2) for x in (codes, shown))
-    return Shot(
-        codes=np.ascontiguousarray(codes),
-        shown=np.clip(np.rint(255 * shown), 0, 255).astype(np.uint8),
-        light=lambda: (metrics.luma(photograph.pixels), np.asarray(~photograph.clipped.any(axis=2))),
-    )
-
-
-def _looks(count: int, entries: int, pixels: float) -> frozenset[int]:
-    """Which frames are shown: as many as a page can carry, evenly spread."""
-    most = max(1, min(count, MOST_LOOKS, int(_PICTURES_BYTES / (1.4 * entries * pixels * _BYTES_A_PIXEL))))
-    return frozenset(np.linspace(0, count - 1, most).round().astype(int).tolist()) if most > 1 else frozenset({count // 2})
 
 
 def _measures(
@@ -382,101 +236,14 @@ def _measures(
     return values
 
 
-def _residual(reel: _Reel, index: int, shots: Mapping[str, Shot], recorded: str) -> tuple[np.ndarray, np.ndarray] | None:
-    """b - K l in luminance, and where it is known; None where the method does not say how it explains the frame."""
+def _residual(reel: _Reel, index: int, shots: Mapping[str, Shot], recorded: str) -> Light | None:
+    """Of a frame that a method restored where it was."""
     record = reel.records.get(index)
     if reel.sidecar is None or record is None or reel.name == recorded or recorded not in shots:
         return None
     if record.verdict != Verdict.RESTORED or reel.name.startswith(("rectify", "vidstab")):  # what was moved is not what the camera saw
         return None
-    b, valid = shots[recorded].light()
-    latent, _ = shots[reel.name].light()
-    if b.shape != latent.shape:
-        return None
-    if record.psfs is not None:
-        again, border = _convolved(latent, np.asarray(record.psfs, np.float32))
-    elif np.any(record.trajectory.poses()):
-        again, border = _moved(latent, record, reel.sidecar)
-    else:
-        return None
-    inside = np.zeros_like(valid)
-    if min(b.shape) <= 2 * border:
-        return None
-    inside[border:-border, border:-border] = True
-    return b - again, valid & inside
-
-
-def _moved(latent: np.ndarray, record: FrameRecord, said: Sidecar) -> tuple[np.ndarray, int]:
-    """K l of the trajectory that was found, and how many pixels of the border it does not know."""
-    t, poses = np.array(record.trajectory.t_s), record.trajectory.poses()
-    if not poses[:, 2].any():
-        poses = poses[:, :2]
-    timing = said.timing(record)
-    blank = Spline(t0=float(t[0]), t1=float(t[-1]), coefficients=np.zeros((min(_TERMS, len(t)), poses.shape[1])))
-    path = centred(fit(blank, t, poses), timing.middle)
-    operator = BlurOperator.covering(path, timing=timing, intrinsics=said.settings.camera.intrinsics, samples=16, slack=0)
-    down, right = operator.margin
-    padded = cv2.copyMakeBorder(latent, down, down, right, right, cv2.BORDER_REPLICATE)
-    return operator.forward(padded), max(down, right)
-
-
-def _convolved(latent: np.ndarray, psfs: np.ndarray) -> tuple[np.ndarray, int]:
-    """Kernels over a grid of the frame, mixed linearly between their places, applied to the latent image."""
-    down, across, k, _ = psfs.shape
-    rows, cols = latent.shape
-    weights = [
-        np.stack([np.interp(np.arange(n), (np.arange(m) + 0.5) * n / m - 0.5, np.eye(m)[i]) for i in range(m)])
-        for n, m in ((rows, down), (cols, across))
-    ]
-    out = np.zeros_like(latent)
-    for i in range(down):
-        for j in range(across):
-            blurred = cv2.filter2D(latent, -1, psfs[i, j, ::-1, ::-1], borderType=cv2.BORDER_REPLICATE)
-            out += (weights[0][i][:, None] * weights[1][j][None]).astype(np.float32) * blurred
-    return out, k // 2 + 1
-
-
-def _drawn(residual: tuple[np.ndarray, np.ndarray], size: float) -> bytes:
-    """Grey where the frame is explained; brighter and darker by eight times what is not."""
-    r, valid = residual
-    grey = np.clip(np.rint(128 + 255 * _GAIN * np.where(valid, r, 0)), 0, 255).astype(np.uint8)
-    return _webp(np.repeat(grey[..., None], 3, axis=2), 0.5 * size, 65)
-
-
-def _webp(picture: np.ndarray, size: float, quality: int) -> bytes:
-    if size < 1:
-        cols, rows = (max(1, round(size * n)) for n in picture.shape[1::-1])
-        picture = cv2.resize(picture, (cols, rows), interpolation=cv2.INTER_AREA)
-    done, data = cv2.imencode(".webp", picture[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, quality])
-    if not done:
-        raise ArithmeticError("a picture could not be encoded as WebP")
-    return data.tobytes()
-
-
-def _difference(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """By how much pictures differ, pixel by pixel."""
-    alike = [metrics.luma(picture / np.float32(255)) for picture in pictures if picture.shape == pictures[0].shape]
-    return cv2.GaussianBlur(np.std(np.stack(alike), axis=0), (0, 0), 2.0)
-
-
-def _crops(area: np.ndarray, rows: int, cols: int, most: int = 4) -> Iterator[Crop]:
-    """Parts in which the entries differ most, apart from each other."""
-    w = min(cols, max(96, cols // 6))
-    h = min(rows, round(0.75 * w))
-    if not area.any():
-        yield Crop(x=(cols - w) // 2, y=(rows - h) // 2, w=w, h=h, chosen=False)
-        return
-    edge = min(metrics.BORDER, min(rows, cols) // 8) // 2
-    kept = area.copy()
-    kept[:edge], kept[-edge:], kept[:, :edge], kept[:, -edge:] = 0, 0, 0, 0
-    for _ in range(most):
-        sums = cv2.integral(kept)
-        box = sums[h:, w:] - sums[:-h, w:] - sums[h:, :-w] + sums[:-h, :-w]
-        y, x = (int(n) for n in np.unravel_index(int(box.argmax()), box.shape))
-        if box[y, x] <= 0:
-            return
-        yield Crop(x=x, y=y, w=w, h=h, chosen=False)
-        kept[max(0, y - h // 4) : y + h + h // 4, max(0, x - w // 4) : x + w + w // 4] = 0
+    return residual.of(record, reel.sidecar, shots[recorded].light(), shots[reel.name].light())
 
 
 def _timing(entries: Sequence[Entry]) -> str:
