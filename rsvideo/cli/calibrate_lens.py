@@ -1,6 +1,7 @@
 """rsvideo calibrate lens: focal length, principal point and distortion from views of a board."""
 
 import enum
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,9 +13,11 @@ from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, e
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from calibration.views import Refused, Taken, View
+
+_FEW = 5  # views that are not used for the same reason are told each
 
 
 class Model(enum.StrEnum):
@@ -60,6 +63,9 @@ def lens(
         before = earlier(output, add=add, overwrite=overwrite)
         with quiet.c_libraries():
             taken, files, fps, model_name = _taken(sources, target, rolling)
+        if len(taken.views) < fitting.FEWEST:
+            _say_refused(taken.refused)
+        with quiet.c_libraries():
             fit = fitting.calibrate(taken.views, model=None if model is Model.AUTO else model.value, bent=bent)
         reached = fitting.reach(fit.views, fit.lens.numbers, taken.rows, taken.cols)
         how = f"{len(fit.views)} views of {board}, {fit.rms:.3f} px left"
@@ -92,10 +98,7 @@ def lens(
                 "profile": profile.model_dump(mode="json", exclude_none=True),
             }
         )
-    for one in refused[:50]:
-        say(f"not used: {one.name}: {one.why}")
-    if len(refused) > 50:
-        say(f"not used: {len(refused) - 50} more; --json lists them")
+    _say_refused(refused)
     for note in notes:
         say(note)
     errors = ", ".join(f"{which} {error:.3f}" for which, error in fit.left_out.items())
@@ -141,6 +144,18 @@ def _used(files: "dict[str, Path]", fit: Any, taken: "Taken") -> "dict[str, Path
     """The files that went into the lens."""
     names = {view.name for view in fit.views}
     return {name: path for name, path in files.items() if taken.clip or name in names}
+
+
+def _say_refused(refused: "Sequence[Refused]") -> None:
+    """One line for each that stands out, and one for all that are refused alike."""
+    alike: dict[str, list[Refused]] = {}
+    for one in refused:
+        alike.setdefault(re.split(r"\d|:", one.why)[0], []).append(one)
+    for group in alike.values():
+        told = group if len(group) <= _FEW else group[:1]
+        for one in told:
+            more = f"; {len(group) - 1} more alike, --json lists them" if len(group) > _FEW else ""
+            say(f"not used: {one.name}: {one.why}{more}")
 
 
 def _doubts(fit: Any, taken: "Taken", reached: float) -> list[str]:

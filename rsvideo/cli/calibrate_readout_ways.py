@@ -231,7 +231,7 @@ def _from_table(camera: str, mode: str) -> Answer:
         near = table.similar(camera)
         raise ValueError(f"the public table does not know {camera[:100]!r}{meant(camera, near)}")
     std = (found.high - found.low) / (2 * 1.645) if found.n >= _ENOUGH else None  # nine of ten lie between
-    between = f"nine of ten between {found.low * 1e3:.4g} and {found.high * 1e3:.4g} ms"
+    between = f", nine of ten between {found.low * 1e3:.4g} and {found.high * 1e3:.4g} ms" if found.n >= _ENOUGH else ""
     notes: tuple[str, ...] = ()
     if found.n < _ENOUGH:
         notes += (f"{_counted(found.n, 'owner')} published it, too few for a spread; a measurement of your own says more",)
@@ -242,7 +242,7 @@ def _from_table(camera: str, mode: str) -> Answer:
         readout=found.median,
         std=std,
         direction=found.direction,
-        how=f"the median of {_counted(found.n, 'owner')} for {found.mode}, {between}",
+        how=f"the {'median' if found.n > 1 else 'figure'} of {_counted(found.n, 'owner')} for {found.mode}{between}",
         source="public table of readout times: Gyroflow's lens profiles, CC0 1.0",
         rows=rows,
         cols=cols,

@@ -138,6 +138,8 @@ def test_what_cannot_be_meant_is_refused_in_one_line(rsvideo: Run, views: Path, 
     board = ("--board", BOARD)
     refused(3, "was found in none of 10 pictures", "lens", views, "--board", "chessboard:7x5:25mm")
     refused(2, "at least 3 views of the board, 1 can be used", "lens", views / "0.png", *board)
+    done = CliRunner().invoke(app, ["calibrate", "lens", str(views / "0.png"), str(views / "empty.png"), *board])
+    assert "not used: empty.png: the board was not found" in done.stderr
     refused(3, "does not exist", "lens", tmp_path / "no.png", *board)
     refused(3, "no.mp4", "lens", tmp_path / "no.mp4", *board)
     refused(2, "holds no photograph", "lens", tmp_path, *board)
