@@ -1,0 +1,161 @@
+"""What a clip's file holds, by its packets and its first picture; what its header promises must be there."""
+
+import contextlib
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import av.error
+import av.stream
+import numpy as np
+from av.container import InputContainer
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+from rsvideo.config.files import UnreadableError
+from rsvideo.video import container, tags
+from rsvideo.video.clip import Stream, Track
+from rsvideo.video.codes import MOST_PIXELS, check_pixels
+from rsvideo.video.ffmpeg import watched
+
+MOST_FRAMES = 20_000_000  # 92 hours at 60 a second
+_CARRIED = {"gpmd"}  # data that writers of MP4 know: GoPro's sensors
+
+
+def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> Stream:
+    """What an open file holds; raises UnreadableError."""
+    videos = [stream for stream in file.streams.video if not stream.disposition & av.stream.Disposition.attached_pic]
+    if not videos:
+        held = sorted({stream.type for stream in file.streams})
+        raise UnreadableError(f"{path} must hold video, it holds {' and '.join(held) or 'no track'}; is it the right file?")
+    video = videos[0]
+    check_pixels(video.height, video.width)
+    times, keys, end, shown = _scan(path, video, file, strict=strict)
+    if strict:
+        _check_lengths(path, family, video, file, times, end)
+    if shown is None:
+        raise UnreadableError(f"{path} holds no picture that can be decoded; is it damaged?")
+    colour, notes = tags.colour(path, video, shown)
+    kinds: dict[int, str] = {}
+    if family == "mov":
+        with contextlib.nullcontext() if strict else contextlib.suppress(UnreadableError):
+            kinds = container.header(path).kinds
+    matrix = tags.display_matrix(shown)
+    own, metadata = dict(video.metadata), dict(file.metadata)
+    told = {key.lower(): value for key, value in (metadata | own).items()}  # Matroska's are in capitals
+    assert video.time_base is not None  # every stream of these containers has one
+    return Stream(
+        path=path,
+        codec=video.codec_context.name,
+        rows=shown.height,
+        cols=shown.width,
+        rate=video.average_rate or video.guessed_rate or Fraction(len(times)) / (Fraction(end - int(times[0])) * video.time_base),
+        time_base=video.time_base,
+        times=times,
+        end=end,
+        colour=colour,
+        index=video.index,
+        keys=keys,
+        rotation=shown.rotation,
+        display_matrix=matrix,
+        sample_aspect_ratio=video.sample_aspect_ratio or Fraction(1),
+        tracks=tuple(_track(stream, kinds.get(stream.id, "")) for stream in file.streams if stream.index != video.index),
+        metadata=metadata,
+        tags=own,
+        timecode=told.get("timecode"),
+        created=metadata.get("creation_time") or told.get("creation_time"),
+        mastering=tags.mastering(shown),
+        notes=notes,
+    )
+
+
+def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool) -> tuple[np.ndarray, np.ndarray, int, VideoFrame | None]:
+    """The pts of all pictures and of the key pictures, when the last ends, and the first picture that can be decoded."""
+    video.codec_context.thread_count = 1
+    video.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
+    for other in file.streams:
+        if other.index != video.index:
+            other.discard = av.stream.Discard.all
+    times: list[int] = []
+    keys: list[int] = []
+    durations: list[int] = []
+    shown = None
+    for packet in _intact(path, file.demux(video)) if strict else file.demux(video):
+        if shown is None:
+            with contextlib.suppress(av.error.FFmpegError):
+                shown = next(iter(packet.decode()), None)
+        if not packet.size or packet.is_discard:
+            continue
+        if packet.pts is None:
+            raise UnreadableError(f"{path} must say when each picture is shown, picture {len(times)} has no time; is it damaged?")
+        times.append(packet.pts)
+        durations.append(packet.duration or 0)
+        if packet.is_keyframe:
+            keys.append(packet.pts)
+        if len(times) > MOST_FRAMES:
+            raise UnreadableError(f"{path} must hold at most {MOST_FRAMES} pictures")
+    if not times:
+        raise UnreadableError(f"{path} holds no picture; is it cut short?")
+    order = np.argsort(times, kind="stable")
+    rising = np.array(times, np.int64)[order]
+    if len(rising) > 1 and (twice := np.diff(rising) <= 0).any():
+        raise UnreadableError(f"{path} must show one picture at a time, two are at pts {rising[np.argmax(twice)]}; is it damaged?")
+    spacing = int(np.median(np.diff(rising))) if len(rising) > 1 else 1
+    return rising, np.sort(np.array(keys, np.int64)), int(rising[-1]) + (durations[order[-1]] or spacing), shown
+
+
+def _intact(path: Path, packets: Iterator[av.Packet]) -> Iterator[av.Packet]:
+    """Packets, as long as the container that they come from is whole."""
+    while True:
+        with watched() as said:
+            packet = next(packets, None)
+        if said:
+            raise UnreadableError(f"{path} is damaged: {said[0]}")
+        if packet is None:
+            return
+        yield packet
+
+
+def _check_lengths(path: Path, family: str, video: VideoStream, file: InputContainer, times: np.ndarray, end: int) -> None:
+    """What the header promises must be there."""
+    if family == "mov" and (promised := sum(entry.size > 0 for entry in video.index_entries)) > len(times):
+        discarded = sum(entry.is_discard for entry in video.index_entries)
+        if promised - discarded > len(times):
+            raise UnreadableError(f"{path} is cut short: its index promises {promised - discarded} pictures, {len(times)} are there")
+    base = float(video.time_base or 1)
+    held = (end - int(times[0])) * base
+    slack = max(0.1, 2 * float(np.diff(times).max(initial=0)) * base)
+    others = [float(s.duration * s.time_base) for s in file.streams if s.duration and s.time_base and s.index != video.index]
+    longest = max(end * base, held, *others, *_ends(file, family, others))
+    if family == "mov":
+        said = container.header(path)
+        timed = said.timed_s.get(video.id, 0.0)
+        promises = [(said.media_s.get(video.id, 0.0), max(timed, end * base, held) + slack)]
+        if not said.fragmented:
+            promises.append((said.shown_s, max([longest, *said.timed_s.values()]) + max(0.5, slack)))
+    else:
+        promises = [((file.duration or 0) / 1e6, longest + max(0.5, slack))]
+    for promised, there in promises:
+        if promised > there:
+            raise UnreadableError(f"{path} is cut short: its header promises {promised:.2f} s, {max(held, longest):.2f} s are there")
+
+
+def _ends(file: InputContainer, family: str, others: list[float]) -> list[float]:
+    """When tracks end that do not say so themselves: Matroska's only last packets tell."""
+    if family == "mov" or len(others) == len(file.streams) - 1:
+        return []
+    for stream in file.streams:
+        stream.discard = av.stream.Discard.default
+    file.seek(0)
+    ends = [0.0]
+    for packet in file.demux():
+        if packet.pts is not None and packet.time_base:
+            ends.append(float((packet.pts + (packet.duration or 0)) * packet.time_base))
+    return [max(ends)]
+
+
+def _track(stream: av.stream.Stream, four_letters: str) -> Track:
+    kind, name = stream.type, stream.metadata.get("handler_name") or stream.metadata.get("title") or ""
+    codec = stream.codec_context.name if stream.codec_context else four_letters
+    return Track(index=stream.index, kind=kind, codec=codec, copied=kind in ("audio", "subtitle") or codec in _CARRIED, name=name.strip())
