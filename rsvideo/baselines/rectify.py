@@ -52,22 +52,30 @@ def restored(
     frame: Frame, way: Trajectory | None, timing: ShutterTiming, intrinsics: Intrinsics, *, timing_source: str = "explicit"
 ) -> FrameResult:
     """What becomes of a frame by rectification alone; one without a way, or that hardly moves, is left as it was."""
+    return straightened(frame, way, timing, intrinsics, timing_source=timing_source)[0]
+
+
+def straightened(
+    frame: Frame, way: Trajectory | None, timing: ShutterTiming, intrinsics: Intrinsics, *, timing_source: str
+) -> tuple[FrameResult, Frame]:
+    """The same, and the frame to go on with, which knows where it is clipped."""
     started = time.monotonic()
-    verdict, latent = Verdict.NO_TEXTURE if way is None else Verdict.SHARP, frame.pixels
+    verdict, seen = Verdict.NO_TEXTURE if way is None else Verdict.SHARP, frame
     if way is not None and timing.row_time > 0:
         sources = _sources(way, timing, intrinsics)
         rows, cols = sources.shape[:2]
         if max(np.abs(sources[..., 0] - np.arange(cols)).max(), np.abs(sources[..., 1] - np.arange(rows)[:, None]).max()) > STILL:
-            verdict, latent = Verdict.RESTORED, _resampled(frame, sources, timing.direction).pixels
-    return FrameResult(
+            verdict, seen = Verdict.RESTORED, _resampled(frame, sources, timing.direction)
+    result = FrameResult(
         frame=frame,
         timing=timing,
         timing_source=timing_source,
         trajectory=still(timing.interval, degree=1, axes=2) if way is None else way,
-        latent=latent,
+        latent=seen.pixels,
         verdict=verdict,
         seconds=time.monotonic() - started,
     )
+    return result, seen
 
 
 def after(timing: ShutterTiming) -> ShutterTiming:

@@ -17,7 +17,7 @@ from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import still
 from rsvideo.restoration import blind, deblur, strips
 from rsvideo.restoration.blind import Settings, View
-from rsvideo.restoration.kernel import SIZES, KernelSettings, fitted
+from rsvideo.restoration.kernel import FULL, SIZES, KernelSettings, border_share, fitted
 from rsvideo.restoration.motion import Scene
 
 KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be told more sharply than a strip's
@@ -30,9 +30,10 @@ def restored(frame: Frame, timing: ShutterTiming, settings: Settings, *, timing_
     started = time.monotonic()
     view, scene = seen(frame, timing, settings)
     latent = psfs = None
-    verdict = verdict_before(scene)
+    verdict, kernel = _looked_at(scene)
     if verdict is Verdict.RESTORED:
-        kernel = fitted(blind.windowed(scene, blind.WINDOW_COLS).frame, SIZES, KERNELS)
+        if border_share(kernel) >= FULL:
+            kernel = fitted(blind.windowed(scene, blind.WINDOW_COLS).frame, SIZES[1:], KERNELS)
         psfs = kernel[None, None]
         latent = deconvolved(view.frame.pixels, view.frame.clipped, psfs[0, 0], settings, view.noise)
     return finished(frame, timing, timing_source, latent, psfs, verdict, started)
@@ -48,15 +49,21 @@ def seen(frame: Frame, timing: ShutterTiming, settings: Settings) -> tuple[View,
 
 
 def verdict_before(scene: Scene) -> Verdict:
-    """Whether there is texture to measure blur by, and blur.
+    """Whether there is texture to measure blur by, and blur."""
+    return _looked_at(scene)[0]
+
+
+def _looked_at(scene: Scene) -> tuple[Verdict, Float[np.ndarray, "k k"]]:
+    """The same, and the frame's kernel at the smallest size.
 
     Sharp frames are seen as such by strips' settings or by those of a whole frame, seldom by both.
     """
     if scene.gradient_power < max(1e-7, 8 * scene.noise**2):
-        return Verdict.NO_TEXTURE
+        return Verdict.NO_TEXTURE, np.ones((1, 1), np.float32)
     part = blind.windowed(scene, blind.WINDOW_COLS).frame
-    shortest = min(strips.length(fitted(part, SIZES[:1], settings)) for settings in (KernelSettings(), KERNELS))
-    return Verdict.SHARP if shortest < blind.SHARP_KERNEL else Verdict.RESTORED
+    strips_own, kernel = (fitted(part, SIZES[:1], settings) for settings in (KernelSettings(), KERNELS))
+    sharp = min(strips.length(strips_own), strips.length(kernel)) < blind.SHARP_KERNEL
+    return Verdict.SHARP if sharp else Verdict.RESTORED, kernel
 
 
 def deconvolved(

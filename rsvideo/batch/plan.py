@@ -134,8 +134,8 @@ def _settled(request: Request, *, ours: bool) -> "Planned | Unreadable":
     except ValueError as error:
         raise ConfigError(f"{request.where}: {job.source}: {error}") from error
     return Planned(
-        job=job,
-        record=job.record,
+        job=task.job,
+        record=task.job.record,
         timing=task.timing,
         timing_source=task.timing_source,
         notes=tuple(task.notes),

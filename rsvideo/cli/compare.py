@@ -236,8 +236,7 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, *, jobs: 
     from rsvideo.report import page
 
     with quiet.c_libraries():
-        for work in works:
-            look.settled(work.jobs, work.truth, work.crops)
+        works = [replace(work, jobs=look.settled(work.jobs, work.truth, work.crops)) for work in works]
     _folder(output, overwrite=overwrite)
     done, everyone = [], []
     with bar() as show:

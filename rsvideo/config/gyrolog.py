@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from rsvideo.config import gcsv, motion
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics.gyro import MOST_SAMPLES, GyroLog, parse
@@ -37,24 +35,7 @@ def read(path: Path, timing: ShutterTiming) -> Recorded:
 
 def _angles(path: Path) -> Recorded:
     """Of sampled angles; their time 0 is the clip's."""
-    lines = read_whole(path, most=gcsv.MOST_BYTES).decode("utf-8-sig", "replace").splitlines()
-    header = [name.strip() for name in lines[0].split(",")]
-    if missing := [name for name in motion.COLUMNS if name not in header]:
-        raise UnreadableError(f"{path}:1: must name the columns {','.join(motion.COLUMNS)}, it lacks {', '.join(missing)}")
-    columns = [header.index(name) for name in motion.COLUMNS]
-    table: list[list[float]] = []
-    for number, line in enumerate(lines[1:], 2):
-        if not line.strip():
-            continue
-        try:
-            fields = line.split(",")
-            table.append([float(fields[column]) for column in columns])
-        except (ValueError, IndexError) as error:
-            raise UnreadableError(f"{path}:{number}: must hold a number in each column, got {line[:60]!r}") from error
-        if len(table) > MOST_SAMPLES:
-            raise UnreadableError(f"{path} must hold at most {MOST_SAMPLES} samples")
-    samples = np.array(table).reshape(-1, len(motion.COLUMNS))
-    t = samples[:, 0]
-    if len(t) < 4 or not (np.isfinite(samples).all() and (np.diff(t) > 0).all()):
-        raise ValueError(f"angles must be at least 4 finite samples at rising times, got {len(t)} lines")
-    return Recorded(log=GyroLog(times=t - t[0], rates=gcsv.rates(t, samples[:, 1:], t)), offset=0.0 - float(t[0]))
+    t, turned = motion.angles(path)
+    if not 4 <= len(t) <= MOST_SAMPLES:
+        raise ValueError(f"angles must be 4 to {MOST_SAMPLES} samples, got {len(t)}")
+    return Recorded(log=GyroLog(times=t - t[0], rates=gcsv.rates(t, turned, t)), offset=0.0 - float(t[0]))

@@ -41,7 +41,8 @@ def of_clip(
         within = [(np.array(held[index].trajectory.t_s), held[index].trajectory.poses()) for index, _ in frames]
         steps[:-1] = [held[index].to_next for index, _ in frames[:-1]]
     else:
-        t, poses = _from_csv(path, intrinsics)
+        t, turned = angles(path)
+        poses = turned[:, [1, 0, 2]] * np.array([intrinsics.fx, -intrinsics.fy, 1.0])
         within = [(t - begins, poses) for _, begins in frames]
         if len(frames) > 1:
             at = CubicSpline(t, poses)(np.array([begins + timing.middle for _, begins in frames]))
@@ -65,7 +66,8 @@ def _within(
     return centred(_spline(t, poses, timing.interval, intrinsics, path), timing.middle)
 
 
-def _from_csv(path: Path, intrinsics: Intrinsics) -> tuple[np.ndarray, np.ndarray]:
+def angles(path: Path) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
+    """Rising times in s, and pitch, yaw and roll in rad, of a CSV that has a column for each."""
     data = read_whole(path, most=sidecar.MOST_BYTES)
     try:
         lines = list(csv.reader(io.StringIO(data.decode("utf-8-sig")), strict=True))
@@ -78,10 +80,10 @@ def _from_csv(path: Path, intrinsics: Intrinsics) -> tuple[np.ndarray, np.ndarra
     table = np.array([_numbers(path, number, line, columns) for number, line in enumerate(lines[1:], 2) if line])
     if len(table) < 2:
         raise UnreadableError(f"{path} must hold at least 2 samples, it holds {len(table)}")
-    t, pitch, yaw, roll = table.T
+    t = table[:, 0]
     if (late := np.flatnonzero(np.diff(t) <= 0)).size:
         raise UnreadableError(f"{path}: t_s must rise from line to line, it does not after {t[late[0]]:g} s")
-    return t, np.stack([intrinsics.fx * yaw, -intrinsics.fy * pitch, roll], axis=1)
+    return t, table[:, 1:]
 
 
 def _numbers(path: Path, number: int, line: list[str], columns: list[int]) -> list[float]:

@@ -114,10 +114,11 @@ def all_of(
     return [done[order] for order in orders]
 
 
-def settle(job: Job | ClipJob) -> None:
-    """Answer every question that a job leaves, without doing it; raises as `prepare` does."""
+def settled(job: Job | ClipJob) -> Job | ClipJob:
+    """Answer every question that a job leaves, without doing it, and what took work to find for good; raises as `prepare` does."""
     with tempfile.TemporaryDirectory() as name:
-        deblur.prepare(replace(job, output=Path(name) / job.output.name, overwrite=True))
+        task = deblur.prepare(replace(job, output=Path(name) / job.output.name, overwrite=True))
+    return replace(job, gyro=task.job.gyro)
 
 
 def _ended(connection: Connection, child: BaseProcess) -> None:

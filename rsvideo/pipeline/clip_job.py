@@ -189,6 +189,8 @@ def prepare(job: ClipJob) -> ClipTask:
     gyro = _gyro(job, stream, first, last, resolved.timing, camera.intrinsics, settings)
     encoding = Encoding(**job.encoding)
     _, _, told = chosen(job.output, stream, encoding)
+    if gyro:  # which need not be looked for again
+        job = replace(job, gyro=replace(job.gyro, offset=gyro.offset, axes=gyro.axes))
     return ClipTask(
         job=job,
         stream=stream,

@@ -49,17 +49,17 @@ class _Reel:
         return {} if self.sidecar is None else {record.index: record for record in self.sidecar.frames}
 
 
-def settled(jobs: Sequence[Job | ClipJob], truth: Path | None, crops: Sequence[tuple[int, int, int, int]]) -> None:
-    """Answer every question before the work; raises ValueError or UnreadableError for what cannot be."""
+def settled(jobs: Sequence[Job | ClipJob], truth: Path | None, crops: Sequence[tuple[int, int, int, int]]) -> list[Job | ClipJob]:
+    """The jobs, with every question answered before the work; raises ValueError or UnreadableError for what cannot be."""
     first = jobs[0]
     if not first.source.exists() and not any(mark in first.source.name for mark in "#%*"):
         raise UnreadableError(f"{first.source} does not exist; is its name mistyped?")
-    for job in jobs:
-        attempt.settle(job)
+    answered = [attempt.settled(job) for job in jobs]
     if truth is not None:
         _check_truth(first, truth)
     if crops:
         _check_crops(crops, first)
+    return answered
 
 
 def _check_truth(job: Job | ClipJob, truth: Path) -> None:

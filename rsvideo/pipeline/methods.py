@@ -104,8 +104,7 @@ def _single(asked: Treatment, frame: Frame, way: Trajectory | None) -> FrameResu
         case Method.RECTIFY:
             return rectify.restored(frame, way, timing, camera, timing_source=source)
         case Method.RECTIFY_UNIFORM | Method.RECTIFY_NONUNIFORM:
-            straight = rectify.restored(frame, way, timing, camera, timing_source=source)
-            seen = frame if way is None else rectify.rectified(frame, way, timing, camera)
+            straight, seen = rectify.straightened(frame, way, timing, camera, timing_source=source)
             after = Method.UNIFORM if asked.method is Method.RECTIFY_UNIFORM else Method.NONUNIFORM
             sharp = _single(replace(asked, method=after, timing=rectify.after(timing)), seen, None)
             if sharp.verdict is not Verdict.RESTORED:

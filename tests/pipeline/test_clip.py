@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.config.method import Method
+from rsvideo.config.method import GyroFile, Method
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, ChunkRecord, chunks, told, work
@@ -255,3 +255,14 @@ def test_vid_stabs_frames_take_the_place_of_the_clips(tmp_path: Path) -> None:
     expected = vidstab.stabilised(source, tmp_path / "expected.mkv", tmp_path)
     for ours, theirs in zip(decoded(tmp_path / "out.mkv")[1], decoded(expected)[1], strict=True):
         np.testing.assert_array_equal(ours[0], theirs[0])
+
+
+def test_where_a_log_lies_along_the_clip_is_settled_once(tmp_path: Path) -> None:
+    moving = Moving(frames=3)
+    source, log = moving.clip(tmp_path / "in.mkv"), moving.motion(tmp_path / "log.csv")
+    words = {**KNOWN, "method": Method.GYRO}
+    task = prepare(asked(source, tmp_path / "out.mkv", gyro=GyroFile(path=log), **words))
+    assert task.job.gyro == GyroFile(path=log, offset=0.0, axes="XYZ")
+    assert prepare(task.job).job == task.job
+    with pytest.raises(ValueError, match="must cover the clip"):
+        prepare(asked(source, tmp_path / "out.mkv", gyro=GyroFile(path=log, offset=9.0), **words))
