@@ -32,7 +32,7 @@ def restored(frame: Frame, timing: ShutterTiming, settings: Settings, *, timing_
     latent = psfs = None
     verdict, kernel = _looked_at(scene)
     if verdict is Verdict.RESTORED:
-        if border_share(kernel) >= FULL:
+        if border_share(kernel) >= FULL and SIZES[1:]:
             kernel = fitted(blind.windowed(scene, blind.WINDOW_COLS).frame, SIZES[1:], KERNELS)
         psfs = kernel[None, None]
         latent = deconvolved(view.frame.pixels, view.frame.clipped, psfs[0, 0], settings, view.noise)

@@ -7,49 +7,27 @@ from scipy import ndimage
 
 from rsvideo.baselines import nonuniform, uniform
 from rsvideo.baselines.nonuniform import Density
-from rsvideo.frame import Frame, Verdict
+from rsvideo.frame import Verdict
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.blind import Settings, along_scanlines
+from tests.baselines.scenes import cards, frame, path
 
 ROWS, COLS = 128, 160
 CAMERA = Intrinsics.centred(focal=400.0, rows=ROWS, cols=COLS)
 TIMING = ShutterTiming.from_readout(exposure=0.04, readout=0.0, rows=ROWS)
 SETTINGS = Settings(prior="tv", threads=1)
+pytestmark = pytest.mark.usefixtures("small_kernels")
 STEP = 0.01  # rad
 TURN = np.array([[0.0, 0.0, 0.0], [1.5, 1.0, 0.02], [0.8, -0.6, 0.012]])  # px, px, rad: bent, so that no kernel is its own mirror image
 
 
-@pytest.fixture(autouse=True)
-def small_kernels(monkeypatch):
-    monkeypatch.setattr(uniform, "SIZES", (17,))
-
-
-def cards(channels=1):
-    """Cards of all sizes upon each other: sharp edges every few pixels."""
-    rng = np.random.default_rng(3)
-    image = np.full((190, 220, channels), 0.4)
-    for _ in range(180):
-        y, x, h, w = rng.integers(-20, 190), rng.integers(-20, 220), rng.integers(6, 50), rng.integers(6, 50)
-        image[max(y, 0) : y + h, max(x, 0) : x + w] = 0.1 + 0.8 * rng.random(channels)
-    return image
-
-
-def path(coefficients):
-    return centred(Polynomial(t0=0.0, t1=0.04, coefficients=coefficients), 0.02)
-
-
 def taken(coefficients=TURN, scene=None):
     rng, noise = np.random.default_rng(0), simulate.Noise(sigma=0.002)
-    scene = cards() if scene is None else scene
+    scene = cards(190, 220, count=180) if scene is None else scene
     return simulate.render(scene, camera=CAMERA, timing=TIMING, trajectory=path(coefficients), noise=noise, rng=rng, samples=32)
-
-
-def frame(pixels) -> Frame:
-    return Frame(pixels=pixels, clipped=pixels >= 1)
 
 
 def true_density(rolls=17, size=17):

@@ -14,24 +14,15 @@ from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.blind import Settings
+from tests.baselines.scenes import cards
 
 ROWS, COLS = 144, 112
 SETTINGS = Settings(prior="tv")
+pytestmark = pytest.mark.usefixtures("small_kernels")
 
 
-@pytest.fixture(autouse=True)
-def small_kernels(monkeypatch):
-    monkeypatch.setattr(uniform, "SIZES", (17,))
-
-
-def cards(rows=ROWS, cols=COLS, seed=3):
-    """Cards of all sizes upon each other: sharp edges every few pixels."""
-    rng = np.random.default_rng(seed)
-    image = np.full((rows, cols, 1), 0.4, np.float32)
-    for _ in range(150):
-        y, x, h, w = rng.integers(-20, rows), rng.integers(-20, cols), rng.integers(6, 50), rng.integers(6, 50)
-        image[max(y, 0) : y + h, max(x, 0) : x + w] = 0.1 + 0.8 * rng.random()
-    return image
+def scene(rows=ROWS, cols=COLS):
+    return cards(rows, cols).astype(np.float32)
 
 
 def streak(dx, dy, size=15):
@@ -42,7 +33,7 @@ def streak(dx, dy, size=15):
 
 
 def taken(kernel, image=None):
-    image = cards() if image is None else image
+    image = scene() if image is None else image
     blurred = cv2.filter2D(image, -1, kernel[::-1, ::-1].copy(), borderType=cv2.BORDER_REFLECT).reshape(image.shape)
     return (blurred + 0.002 * np.random.default_rng(0).standard_normal(image.shape)).astype(np.float32)
 
@@ -74,11 +65,11 @@ def test_under_the_same_kernel_everywhere_nobody_sees_the_blocks(block_rows):
     blocks = [Block(first=a, last=b, kernel=k) for (a, b), k in zip(stitch.split(ROWS, block_rows), drifting, strict=False)]
     latent = stitch.stitched(view, blocks, SETTINGS)
     assert psnr(latent, whole) > 38
-    assert psnr(latent, cards()) > psnr(pixels, cards()) + 5
+    assert psnr(latent, scene()) > psnr(pixels, scene()) + 5
 
 
 def test_where_the_blur_turns_over_the_frame_blocks_gain_more_than_one_kernel():
-    truth = cards(240, 128)
+    truth = scene(240, 128)
     upper, lower = taken(streak(4, 0), truth), taken(streak(0, 4), truth)
     pixels = np.vstack([upper[:120], lower[120:]])
     one, many = (method(frame(pixels), shutter(240), SETTINGS) for method in (uniform.restored, stitch.restored))
@@ -89,7 +80,7 @@ def test_where_the_blur_turns_over_the_frame_blocks_gain_more_than_one_kernel():
 
 
 def test_a_block_without_texture_takes_its_neighbours_kernel():
-    image = cards()
+    image = scene()
     image[:60] = 0.5
     pixels = taken(streak(4, 2), image)
     result = stitch.restored(frame(pixels), shutter(), SETTINGS)
@@ -128,4 +119,4 @@ def test_a_displacement_is_found_to_a_tenth_of_a_pixel(shift):
 
 def test_blocks_too_short_are_refused():
     with pytest.raises(ValueError, match="block_rows must be at least 24 scanlines, got 8"):
-        stitch.restored(frame(cards()), shutter(), SETTINGS, block_rows=8)
+        stitch.restored(frame(scene()), shutter(), SETTINGS, block_rows=8)

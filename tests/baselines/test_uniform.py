@@ -7,23 +7,19 @@ import pytest
 import skimage.data
 
 from rsvideo.baselines import uniform
-from rsvideo.frame import Frame, Verdict
+from rsvideo.frame import Verdict
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.blind import Settings
+from tests.baselines.scenes import cards, frame, path
 
 ROWS, COLS = 128, 144
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
 SETTINGS = Settings(prior="tv")
+pytestmark = pytest.mark.usefixtures("small_kernels")
 HOOK = np.array([[0.0, 0.0], [2.5, 1.0], [0.3, -1.2]])  # px: a bent path of 9 px
-
-
-@pytest.fixture(autouse=True)
-def small_kernels(monkeypatch):
-    monkeypatch.setattr(uniform, "SIZES", (17,))
 
 
 def shutter(direction=Direction.TOP_TO_BOTTOM):
@@ -31,32 +27,14 @@ def shutter(direction=Direction.TOP_TO_BOTTOM):
     return ShutterTiming.from_readout(exposure=0.04, readout=0.0, rows=lines, direction=direction)
 
 
-def path(coefficients):
-    return centred(Polynomial(t0=0.0, t1=0.04, coefficients=coefficients), 0.02)
-
-
 def photograph():
     return (skimage.data.astronaut()[0:200, 120:320] / 255) ** 2.2
-
-
-def cards(channels):
-    """Cards of all sizes upon each other: sharp edges every few pixels."""
-    rng = np.random.default_rng(3)
-    image = np.full((200, 200, channels), 0.4)
-    for _ in range(150):
-        y, x, h, w = rng.integers(-20, 200), rng.integers(-20, 200), rng.integers(6, 50), rng.integers(6, 50)
-        image[max(y, 0) : y + h, max(x, 0) : x + w] = 0.1 + 0.8 * rng.random(channels)
-    return image
 
 
 def taken(coefficients=HOOK, *, scene=None):
     scene = photograph() if scene is None else scene
     rng, noise = np.random.default_rng(0), simulate.Noise(sigma=0.002)
     return simulate.render(scene, camera=CAMERA, timing=shutter(), trajectory=path(coefficients), noise=noise, rng=rng, samples=32)
-
-
-def frame(pixels) -> Frame:
-    return Frame(pixels=pixels, clipped=pixels >= 1)
 
 
 def drawn(coefficients, size):
@@ -80,7 +58,7 @@ def likeness(one, other):
 
 @pytest.mark.parametrize("channels", [3, 1], ids=["colour", "grey"])
 def test_the_kernel_is_the_path_and_the_picture_gains(channels):
-    case = taken(scene=cards(channels))
+    case = taken(scene=cards(200, 200, channels=channels))
     result = uniform.restored(frame(case.blurred), shutter(), SETTINGS)
     assert result.verdict is Verdict.RESTORED
     assert result.psfs is not None
@@ -118,3 +96,11 @@ def test_a_sharp_frame_and_one_without_texture_are_left_as_they_were():
         result = uniform.restored(frame(pixels), shutter(), SETTINGS)
         assert result.verdict is verdict
         np.testing.assert_array_equal(result.latent, pixels)
+
+
+def test_a_kernel_that_touches_its_border_grows(monkeypatch):
+    case = taken()
+    large = uniform.restored(frame(case.blurred), shutter(), SETTINGS)
+    monkeypatch.setattr(uniform, "SIZES", (7, 17))
+    grown = uniform.restored(frame(case.blurred), shutter(), SETTINGS)
+    np.testing.assert_array_equal(grown.psfs, large.psfs)
