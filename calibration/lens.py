@@ -13,6 +13,7 @@ from jaxtyping import Float
 from scipy.optimize import least_squares
 
 from calibration import bent as shape
+from calibration.adjust import adjust
 from calibration.projection import project
 from calibration.views import Refused, View
 
@@ -68,7 +69,7 @@ def calibrate(views: Sequence[View], *, model: str | None = None, bent: bool = F
     candidates = [one for one in _CANDIDATES if model in (None, one[0])]
     chosen, left_out = _choose(kept, candidates)
     while True:
-        numbers, poses, residuals = _fit(kept, chosen[0], *_start(kept, *chosen))
+        numbers, poses, residuals = adjust(kept, chosen[0], *_start(kept, *chosen))
         errors = np.array([_rms(residual) for residual in residuals])
         usual, worst = float(np.median(errors)), int(np.argmax(errors))
         if errors[worst] <= _ODD * usual or len(kept) <= ENOUGH:
@@ -80,7 +81,7 @@ def calibrate(views: Sequence[View], *, model: str | None = None, bent: bool = F
         chosen_before = chosen
         chosen, left_out = _choose(kept, candidates)
         if chosen != chosen_before:
-            numbers, poses, residuals = _fit(kept, chosen[0], *_start(kept, *chosen))
+            numbers, poses, residuals = adjust(kept, chosen[0], *_start(kept, *chosen))
     std, off, error = _deviations(kept, chosen[0], numbers, poses, residuals), 0.0, None
     if len(kept) >= ENOUGH:
         error = _left_out(kept, chosen[0], numbers, poses, bent=True)
@@ -106,7 +107,7 @@ def calibrate(views: Sequence[View], *, model: str | None = None, bent: bool = F
 
 def fitted(views: Sequence[View], model: str, count: int) -> Float[np.ndarray, " p"]:
     """The lens of that many coefficients that explains the views best, without a choice or a doubt."""
-    return _fit(views, model, *_start(views, model, count))[0]
+    return adjust(views, model, *_start(views, model, count))[0]
 
 
 def reach(views: Sequence[View], numbers: Float[np.ndarray, " p"], rows: int, cols: int) -> float:
@@ -127,7 +128,7 @@ def _choose(views: Sequence[View], candidates: Sequence[tuple[str, int]]) -> tup
         return candidates[0], {}
     errors = {}
     for model, count in candidates:
-        whole, poses, _ = _fit(views, model, *_start(views, model, count))
+        whole, poses, _ = adjust(views, model, *_start(views, model, count))
         if np.isfinite(error := _left_out(views, model, whole, poses)):
             errors[(model, count)] = error
     if not errors:
@@ -150,7 +151,7 @@ def _left_out(
             _, by, (numbers, _, _) = _fit_bent(*start)
             left = shape.moved(left, by)
         else:
-            numbers, _, _ = _fit(*start)
+            numbers, _, _ = adjust(*start)
         squares += [np.sum(_pose(view, model, numbers)[1] ** 2, axis=1) for view in left]
     return float(np.sqrt(np.concatenate(squares).mean()))
 
@@ -159,42 +160,16 @@ def _named(model: str, count: int) -> str:
     return model if model == "fisheye" else f"{model} of {count}"
 
 
-def _fit(
-    views: Sequence[View], model: str, numbers: Float[np.ndarray, " p"], poses: Sequence[np.ndarray]
-) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
-    """Lens, poses and residuals by least squares, all unknowns together, from a start."""
-    p = len(numbers)
-    roots = [np.sqrt(view.weight) for view in views]
-    sizes = np.cumsum([0, *(2 * len(view.at) for view in views)])
-
-    def residual(unknown: np.ndarray) -> np.ndarray:
-        each = unknown[p:].reshape(-1, 6)
-        parts = [project(model, unknown[:p], view.at, pose)[0] - view.seen.points for view, pose in zip(views, each, strict=True)]
-        return np.nan_to_num(np.concatenate([root * part.ravel() for root, part in zip(roots, parts, strict=True)]), nan=1e6, posinf=1e6)
-
-    def jacobian(unknown: np.ndarray) -> np.ndarray:
-        J = np.zeros((sizes[-1], len(unknown)))
-        for number, (view, pose) in enumerate(zip(views, unknown[p:].reshape(-1, 6), strict=True)):
-            at = slice(sizes[number], sizes[number + 1])
-            _, by_pose, by_lens = project(model, unknown[:p], view.at, pose)
-            J[at, :p], J[at, p + 6 * number : p + 6 * number + 6] = roots[number] * by_lens, roots[number] * by_pose
-        return np.nan_to_num(J)
-
-    found = least_squares(residual, np.concatenate([numbers, *poses]), jac=jacobian, x_scale="jac", max_nfev=100)  # pyright: ignore[reportArgumentType]
-    numbers, poses = found.x[:p], list(found.x[p:].reshape(-1, 6))
-    return numbers, poses, [project(model, numbers, view.at, pose)[0] - view.seen.points for view, pose in zip(views, poses, strict=True)]
-
-
 def _fit_bent(
     views: Sequence[View], model: str, numbers: Float[np.ndarray, " p"], poses: Sequence[np.ndarray]
 ) -> tuple[list[View], np.ndarray, tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]]:
     """The same with the board's corners unknown too: the views with corners moved, by how much, and the fit to them."""
     shaped, by = list(views), np.zeros((1, 3))
-    numbers, poses, residuals = _fit(views, model, numbers, poses)
+    numbers, poses, residuals = adjust(views, model, numbers, poses)
     for _ in range(_ROUNDS):
         by = shape.moves(views, shaped, model, numbers, poses, residuals)
         shaped = shape.moved(views, by)
-        numbers, poses, residuals = _fit(shaped, model, numbers, poses)
+        numbers, poses, residuals = adjust(shaped, model, numbers, poses)
     return shaped, by, (numbers, poses, residuals)
 
 
