@@ -26,8 +26,10 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
 WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
 TILED_COLS = 96  # a narrower frame is one tile
 TRIAL_COLS = 560  # and candidates are compared on so many
-HEATS = ((3, False, 4), (6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
-COSTLIEST, DENSER = 2.3, 0.01  # see `judge`
+COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution
+HEATS = ((6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
+CONTRAST = 0.4  # how much it counts that a picture restored across its blur is less sparse than along it
+COSTLIEST, CHEAPER_ACROSS, DENSER = 2.3, 3.0, 0.008  # see `judge`
 TRUST = 2e-3  # in what is known of a path, against the sparsity of a picture of ENOUGH pixels or more
 ENOUGH = 30_000  # of fewer, sparsity tells less
 SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
@@ -255,12 +257,14 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2, threads=settings.threads)
         starts = initialise.with_roll(starts, found, halves, part.timing, part.intrinsics, degree=settings.degree)
         yield Iterate(stage="kernels of halves", fraction=0.25, trajectory=starts[0].trajectory, latent=None)
+    coarse = motion.halved(trial) if strips.reach(found) > COARSE_REACH else trial
     runners = [_Runner(start=start, trajectory=start.trajectory) for start in starts]
+    runners = sorted((r.ahead(coarse, settings.trust, 1) for r in runners), key=lambda r: r.value)[:4]
     for i, (steps, wide, most) in enumerate(HEATS):
+        yield Iterate(stage="candidate paths", fraction=0.4 + 0.1 * i, trajectory=runners[0].trajectory, latent=None)
         runners = [r.ahead(part if wide else trial, settings.trust, steps) for r in runners]
         runners = sorted(runners, key=lambda r: r.value)[:most]
-        yield Iterate(stage="candidate paths", fraction=0.3 + 0.1 * (i + 1), trajectory=runners[0].trajectory, latent=None)
-    winner = min(runners, key=lambda r: r.value + 0.05 * math.log(motion.energy(part, r.trajectory)))
+    winner = min(runners, key=lambda r: r.value + r.sparsity(coarse) + 0.05 * math.log(motion.energy(part, r.trajectory)))
     best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8)
     yield Iterate(stage="path", fraction=0.75, trajectory=best.trajectory, latent=None, values=best.values)
 
@@ -302,14 +306,18 @@ class _Runner:
 
     start: Candidate
     trajectory: Trajectory
-    value: float = math.inf  # sparsity, the prior, and how badly the strips' kernels are explained
+    value: float = math.inf  # sparsity, less that across the blur; the prior; and how badly the strips' kernels are explained
 
     def prior(self, trust: float) -> Prior:
         return Prior(mean=self.start.trajectory.coefficients[1:], curvature=self.start.curvature, weight=trust)
 
+    def sparsity(self, scene: Scene) -> float:
+        return motion.objective(scene, self.trajectory, 3 * scene.ridge)[0]
+
     def ahead(self, scene: Scene, trust: float, steps: int) -> "_Runner":
         refined = motion.refine(scene, self.trajectory, self.prior(trust), ridge=3 * scene.ridge, steps=steps)
-        return replace(self, trajectory=refined.trajectory, value=refined.value + trust * self.start.energy)
+        contrast = motion.objective(scene, motion.turned(refined.trajectory), 3 * scene.ridge)[0] - refined.sparsity
+        return replace(self, trajectory=refined.trajectory, value=refined.value + trust * self.start.energy - CONTRAST * contrast)
 
 
 def longest(timing: ShutterTiming, path: Trajectory) -> float:
@@ -322,15 +330,17 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
     """Whether restoring along `path` will help.
 
     Deblurring trades blur for contrast, so the energy of Eq. (8) rises over that of the frame taken as sharp: by a factor
-    of 1.3 to 1.9 along a true path; beyond `COSTLIEST` the frame holds detail that no blur along the path can have left.
-    And along a true path the latent image's edges are hardly ever less sparse than the frame's own: where they are, by more
-    than `DENSER`, the strips' kernels described the picture and not its blur.
+    of 1.3 to 1.9 along most true paths; beyond `COSTLIEST` the frame holds detail that no blur along the path can have left,
+    unless across the path it would rise `CHEAPER_ACROSS` times as far again.
+    And the latent image's edges are hardly ever less sparse than the frame's own (by `DENSER`), but where restoring across
+    the path makes them far less sparse still: otherwise the strips' kernels described the picture and not its blur.
     """
     part = windowed(scene, WINDOW_COLS)
-    rest = still(part.timing.interval, degree=1, axes=2)
+    rest = path.with_coefficients(0 * path.coefficients)
     if longest(part.timing, path) < SHORTEST:
         return Verdict.SHARP
-    if motion.energy(part, path) > COSTLIEST * motion.energy(part, rest):
+    energy, turned = motion.energy(part, path), motion.turned(path)
+    if energy > COSTLIEST * motion.energy(part, rest) and motion.energy(part, turned) < CHEAPER_ACROSS * energy:
         return Verdict.UNEXPLAINED
-    moving, steady = (motion.objective(part, p, 3 * part.ridge)[0] for p in (path, path.with_coefficients(0 * path.coefficients)))
-    return Verdict.UNEXPLAINED if moving - steady > DENSER else Verdict.RESTORED
+    moving, steady, across = (motion.objective(part, p, 3 * part.ridge)[0] for p in (path, rest, turned))
+    return Verdict.UNEXPLAINED if moving - steady > DENSER + CONTRAST * (across - moving) else Verdict.RESTORED

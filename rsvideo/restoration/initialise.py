@@ -47,14 +47,23 @@ def strip_kernels(
 
 
 def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, *, degree: int, most: int) -> Iterator[Candidate]:
-    """At most `most` distinct trajectories worth refining, from several stiffnesses of the prior."""
+    """At most `most` distinct trajectories worth refining, from several stiffnesses of the prior.
+
+    And up to as many from all strips but one: a single kernel that has failed, often by being too short, bends them all.
+    """
     found: list[Candidate] = []
-    for stiffness in STIFFNESSES:
-        for c in fit(strips, timing, intrinsics, degree=degree, stiffness=stiffness, keep=3):
+
+    def fresh(stiffness: float, without: int | None, most: int) -> Iterator[Candidate]:
+        for c in fit(strips, timing, intrinsics, degree=degree, stiffness=stiffness, keep=3, without=without):
             apart = all(np.linalg.norm(c.trajectory.coefficients - f.trajectory.coefficients) > 0.8 for f in found)
             if apart and len(found) < most and (not found or c.energy < 3 * found[0].energy):
                 found.append(c)
                 yield c
+
+    for stiffness in STIFFNESSES:
+        yield from fresh(stiffness, None, most)
+    for i in range(len(strips) if len(strips) > 2 else 0):
+        yield from fresh(STIFFNESSES[1], i, 2 * most)
 
 
 def with_roll(

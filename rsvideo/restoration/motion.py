@@ -15,7 +15,8 @@ Its gradient is exact up to interpolation (adjoint method). With M = K^H K + rho
 m = M^-1 f'(l):  df = <m, dK^H r> - <m, K^H dK l> = <dK m, r> - <K m, dK l>.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import no_type_check
 
 import cv2
@@ -49,6 +50,12 @@ class Scene:
     samples: int  # K, per exposure
     tiles: int  # for three axes
     noise: float  # standard deviation
+    scale: float = 1.0  # of the frame; paths stay in px of the frame before it was made smaller
+
+    @property
+    def unit(self) -> Float[np.ndarray, "3"]:
+        """What a pose is multiplied with in this frame: (x, y, roll)."""
+        return np.array([self.scale, self.scale, 1])
 
     @property
     def gradient_power(self) -> float:
@@ -59,6 +66,23 @@ class Scene:
     def ridge(self) -> float:
         """rho: the noise's power over that of the latent gradients, of which the blurred frame keeps about a third."""
         return float(np.clip(0.7 * self.noise**2 / max(self.gradient_power, 1e-12), 1.5e-3, 0.1))
+
+
+def halved(scene: Scene) -> Scene:
+    """The same at half the resolution."""
+    rows, cols = (n // 2 for n in scene.frame.shape)
+    frame, valid = (cv2.resize(a[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA) for a in (scene.frame, scene.valid))
+    c = scene.intrinsics
+    return Scene(
+        frame=frame,
+        valid=np.floor(valid),  # where one of four is clipped, the whole is
+        timing=replace(scene.timing, row_time=2 * scene.timing.row_time, rows=rows),
+        intrinsics=Intrinsics(fx=c.fx / 2, fy=c.fy / 2, cx=c.cx / 2 - 0.25, cy=c.cy / 2 - 0.25, rows=rows, cols=cols),
+        samples=math.ceil(scene.samples / 2),
+        tiles=max(1, round(scene.tiles / 2)),
+        noise=noise_level(frame),
+        scale=scene.scale / 2,
+    )
 
 
 def noise_level(frame: Float[np.ndarray, "rows cols"]) -> float:
@@ -195,6 +219,8 @@ def _tile_objective(
 def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
     """f(theta), about 0.5 to 0.8, and its derivative in the trajectory's coefficients."""
     axes = trajectory.coefficients.shape[1]
+    unit = scene.unit[:axes]
+    trajectory = trajectory.with_coefficients(trajectory.coefficients * unit)
     basis = trajectory.basis(scene.timing.sample_times(scene.samples))
     value, total, gradient = 0.0, 0.0, np.zeros_like(trajectory.coefficients)
     count = 1 if axes == 2 else scene.tiles
@@ -207,7 +233,14 @@ def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float
         total += w
         lever = tiles.levers(tile, scene.intrinsics, scene.timing.rows, axes)
         gradient += np.tensordot(basis, by_sample @ lever, axes=((0, 1), (0, 1)))
-    return value / total, gradient / total
+    return value / total, gradient * unit / total
+
+
+def turned(trajectory: Trajectory) -> Trajectory:
+    """The same path across itself: by a right angle, with the same roll."""
+    coefficients = trajectory.coefficients.copy()
+    coefficients[:, :2] = trajectory.coefficients[:, 1::-1] * (-1, 1)
+    return trajectory.with_coefficients(coefficients)
 
 
 def energy(scene: Scene, trajectory: Trajectory) -> float:
@@ -215,6 +248,7 @@ def energy(scene: Scene, trajectory: Trajectory) -> float:
     mu = 1e-3 * float(np.clip((scene.noise / PLAIN_NOISE) ** 2, 1, 10))
     count = 1 if trajectory.coefficients.shape[1] == 2 else scene.tiles
     total = pixels = 0.0
+    trajectory = trajectory.with_coefficients(trajectory.coefficients * scene.unit[: trajectory.coefficients.shape[1]])
     for tile in tiles.split(scene.intrinsics.cols, count, 0):
         columns = slice(tile.first, tile.last)
         offsets = tiles.displacement(tile, trajectory, scene.intrinsics, scene.timing, scene.samples)
@@ -238,6 +272,7 @@ class Refined:
 
     trajectory: Trajectory
     value: float  # f(theta) and the prior
+    sparsity: float  # f(theta)
     moved: float  # px, RMS over the interval, from the start
     evaluations: int
     values: tuple[float, ...]  # after each step
@@ -262,7 +297,7 @@ def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps
     """Minimise f(theta) + prior(theta) from `start` by L-BFGS; the constant terms are a gauge and stay."""
     terms, axes = start.coefficients[1:].shape
     unit = np.ones(axes)
-    unit[2:] = 1 / scene.intrinsics.fx  # px to rad
+    unit[2:] = scene.scale / scene.intrinsics.fx  # px to rad
 
     def unpacked(z: np.ndarray) -> Trajectory:
         return start.with_coefficients(np.vstack([start.coefficients[:1], z.reshape(terms, axes) * unit]))
@@ -285,6 +320,7 @@ def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps
     return Refined(
         trajectory=trajectory,
         value=float(found.fun) / 100,
+        sparsity=float(found.fun) / 100 - prior.at(trajectory.coefficients[1:])[0],
         moved=float(np.linalg.norm((trajectory.coefficients - start.coefficients)[1:, :2])),
         evaluations=int(found.nfev),
         values=tuple(values),

@@ -260,11 +260,12 @@ def fit(
     keep: int = 4,
     start: Polynomial | None = None,
     doubting: bool = False,
+    without: int | None = None,
 ) -> list[Candidate]:
     """Distinct trajectories that explain the strips' kernels, best first.
 
     Without a start: two axes, from every choice of signs of the strips' velocities. With one: its axes, from there,
-    `doubting` from the beginning the kernels that disagree with it.
+    `doubting` from the beginning the kernels that disagree with it. The strip `without` is not believed.
     """
     axes = 2 if start is None else start.coefficients.shape[1]
     design = _design(strips, timing, intrinsics, degree, axes)
@@ -275,13 +276,15 @@ def fit(
     z = _starts(strips, timing, degree) if start is None else start.coefficients[1:].reshape(1, -1)
     x = np.hstack([z / spread, np.zeros((len(z), 2 * len(strips)))])
     lengths = np.array([length(s.kernel) for s in strips])
-    weights = (lengths < 2.5 * np.median(lengths)) + 0.1  # a kernel far longer than the others has failed
+    believed = np.array([0.05 if i == without else 1.0 for i in range(len(strips))])
+    weights = believed * ((lengths < 2.5 * np.median(lengths)) + 0.1)  # a kernel far longer than the others has failed
     weights = weights / weights.sum()
     energies, scale, sigma = np.zeros(len(x)), 1.0, 1.0
     grid, targets = np.zeros(0), np.zeros((0, 0, 0))  # those of the last round serve below
 
     def trust() -> Float[np.ndarray, " strips"]:
-        return _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
+        weights = believed * _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
+        return weights / weights.sum()
 
     rounds = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))
     for sigma, steps, survivors in rounds if start is None else rounds[1:]:

@@ -8,7 +8,7 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
-from rsvideo.restoration.motion import Prior, Scene, energy, noise_level, objective, refine, sparsity, texture_weight
+from rsvideo.restoration.motion import Prior, Scene, energy, halved, noise_level, objective, refine, sparsity, texture_weight, turned
 
 ROWS, COLS = 144, 200
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
@@ -78,10 +78,18 @@ def test_the_noise_of_a_photograph_is_measured(sigma):
     assert noise_level(noisy) == pytest.approx(sigma, rel=0.25)
 
 
-@pytest.mark.parametrize(("coefficients", "share"), [(SHIFT, 0.04), (TURN, 0.1)], ids=["shift", "rotation"])
-def test_the_gradient_of_the_objective_is_that_of_finite_differences(coefficients, share):
+def same(frame: Scene) -> Scene:
+    return frame
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "seen", "share"),
+    [(SHIFT, same, 0.04), (TURN, same, 0.1), (2 * TURN, halved, 0.12)],
+    ids=["shift", "rotation", "at half the resolution"],
+)
+def test_the_gradient_of_the_objective_is_that_of_finite_differences(coefficients, seen, share):
     """Up to interpolation and what is completed beyond the frame's sides, and each tile's."""
-    frame = scene(coefficients)
+    frame = seen(scene(coefficients))
     unit = np.array([1, 1, 1 / 100])[: coefficients.shape[1]]
     rng = np.random.default_rng(1)
     away = coefficients + 0.4 * rng.normal(size=coefficients.shape) * unit
@@ -101,6 +109,21 @@ def test_the_true_path_is_sparser_than_one_that_is_a_pixel_longer_or_shorter(shi
     longer, true, shorter = (objective(shifted, path(SHIFT * (1 + d / rms)), shifted.ridge)[0] for d in (1, 0, -1))
     assert true < longer
     assert true < shorter
+
+
+def test_the_true_path_of_a_long_blur_is_the_sparsest_at_half_the_resolution_too():
+    long = 2 * TURN
+    frame = halved(scene(long))
+    longer, true, shorter = (objective(frame, path(long * factor), frame.ridge)[0] for factor in (1.2, 1, 0.8))
+    assert true < longer
+    assert true < shorter
+
+
+def test_restored_across_its_blur_a_picture_is_less_sparse_than_along_it(shifted: Scene):
+    along = path(SHIFT)
+    t = np.linspace(*TIMING.interval, 9)
+    np.testing.assert_allclose((turned(along).at(t) * along.at(t)).sum(axis=1), 0, atol=1e-12)
+    assert objective(shifted, turned(along), shifted.ridge)[0] > objective(shifted, along, shifted.ridge)[0] + 0.05
 
 
 def test_the_energy_of_the_paper_is_lower_at_the_truth_than_run_backwards_or_too_long(shifted: Scene):

@@ -1,5 +1,8 @@
 """Kernels of strips, rendered from a known path, give the path back."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
@@ -96,6 +99,17 @@ def test_a_strip_whose_kernel_failed_is_ignored():
         [*good[:2], Strip(first=64, last=136, middle=good[2].middle, kernel=bad), *good[3:]], ROLLING, CAMERA, degree=3, stiffness=COARSE
     )
     assert apart(found[0].trajectory, true) < 0.5
+
+
+def test_a_kernel_that_is_too_short_misleads_and_the_others_without_it_do_not():
+    true = path(coefficients=SHIFT * np.array([[1.0, 1.0]]))
+    good = strips(true)
+    short = cv2.resize(good[0].kernel, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    short = np.pad(short, (SIZE - len(short)) // 2)
+    first = replace(good[0], kernel=short / short.sum())
+    with_it, without = (fit([first, *good[1:]], ROLLING, CAMERA, degree=3, stiffness=2e-3, without=w)[0].trajectory for w in (None, 0))
+    assert apart(without, true) < 0.6
+    assert apart(with_it, true) > 2 * apart(without, true)
 
 
 def test_the_curvature_is_that_of_the_energy_and_grows_with_the_stiffness():
