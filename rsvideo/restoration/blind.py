@@ -28,8 +28,7 @@ TILED_COLS = 96  # a narrower frame is one tile
 TRIAL_COLS = 560  # and candidates are compared on so many
 COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution
 HEATS = ((6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
-CONTRAST = 0.4  # how much it counts that a picture restored across its blur is less sparse than along it
-COSTLIEST, CHEAPER_ACROSS, DENSER = 2.3, 3.0, 0.008  # see `judge`
+COSTLIEST, CHEAPER_ACROSS, DENSER, CONTRAST = 2.3, 3.0, 0.008, 0.4  # see `judge`
 TRUST = 2e-3  # in what is known of a path, against the sparsity of a picture of ENOUGH pixels or more
 ENOUGH = 30_000  # of fewer, sparsity tells less
 SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
@@ -257,14 +256,16 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2, threads=settings.threads)
         starts = initialise.with_roll(starts, found, halves, part.timing, part.intrinsics, degree=settings.degree)
         yield Iterate(stage="kernels of halves", fraction=0.25, trajectory=starts[0].trajectory, latent=None)
-    coarse = motion.halved(trial) if strips.reach(found) > COARSE_REACH else trial
+    long = strips.reach(found) > COARSE_REACH
+    coarse = motion.halved(trial) if long else trial
     runners = [_Runner(start=start, trajectory=start.trajectory) for start in starts]
     runners = sorted((r.ahead(coarse, settings.trust, 1) for r in runners), key=lambda r: r.value)[:4]
     for i, (steps, wide, most) in enumerate(HEATS):
         yield Iterate(stage="candidate paths", fraction=0.4 + 0.1 * i, trajectory=runners[0].trajectory, latent=None)
         runners = [r.ahead(part if wide else trial, settings.trust, steps) for r in runners]
         runners = sorted(runners, key=lambda r: r.value)[:most]
-    winner = min(runners, key=lambda r: r.value + r.sparsity(coarse) + 0.05 * math.log(motion.energy(part, r.trajectory)))
+    at_last = [0.05 * math.log(motion.energy(part, r.trajectory)) + (r.sparsity(coarse) if long else 0) for r in runners]
+    winner = min(zip(runners, at_last, strict=True), key=lambda told: told[0].value + told[1])[0]
     best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8)
     yield Iterate(stage="path", fraction=0.75, trajectory=best.trajectory, latent=None, values=best.values)
 
@@ -306,7 +307,7 @@ class _Runner:
 
     start: Candidate
     trajectory: Trajectory
-    value: float = math.inf  # sparsity, less that across the blur; the prior; and how badly the strips' kernels are explained
+    value: float = math.inf  # sparsity, the prior, and how badly the strips' kernels are explained
 
     def prior(self, trust: float) -> Prior:
         return Prior(mean=self.start.trajectory.coefficients[1:], curvature=self.start.curvature, weight=trust)
@@ -316,8 +317,7 @@ class _Runner:
 
     def ahead(self, scene: Scene, trust: float, steps: int) -> "_Runner":
         refined = motion.refine(scene, self.trajectory, self.prior(trust), ridge=3 * scene.ridge, steps=steps)
-        contrast = motion.objective(scene, motion.turned(refined.trajectory), 3 * scene.ridge)[0] - refined.sparsity
-        return replace(self, trajectory=refined.trajectory, value=refined.value + trust * self.start.energy - CONTRAST * contrast)
+        return replace(self, trajectory=refined.trajectory, value=refined.value + trust * self.start.energy)
 
 
 def longest(timing: ShutterTiming, path: Trajectory) -> float:

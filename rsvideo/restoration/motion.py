@@ -272,7 +272,6 @@ class Refined:
 
     trajectory: Trajectory
     value: float  # f(theta) and the prior
-    sparsity: float  # f(theta)
     moved: float  # px, RMS over the interval, from the start
     evaluations: int
     values: tuple[float, ...]  # after each step
@@ -320,7 +319,6 @@ def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps
     return Refined(
         trajectory=trajectory,
         value=float(found.fun) / 100,
-        sparsity=float(found.fun) / 100 - prior.at(trajectory.coefficients[1:])[0],
         moved=float(np.linalg.norm((trajectory.coefficients - start.coefficients)[1:, :2])),
         evaluations=int(found.nfev),
         values=tuple(values),
