@@ -50,7 +50,7 @@ class Settings:
     mu_last: float = 1e-3
     mu_final: float = 7e-4  # of the final image, with prior "tv"
     tolerance: float = 0.25  # px, a tile's error at its edge
-    candidates: int = 5  # first trajectories that are refined before one is chosen
+    candidates: int = 5  # first trajectories that are refined before one is chosen, and up to as many without one of the strips
     trust: float = 0.15  # in the strips' kernels, against the picture's sparsity
     frames: Literal["together", "alone", "cold"] = "together"  # of a clip: with their neighbours, along its path only, or as stills
     threads: int = 2  # for the strips; compiled loops use numba's own setting
@@ -264,8 +264,11 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         yield Iterate(stage="candidate paths", fraction=0.4 + 0.1 * i, trajectory=runners[0].trajectory, latent=None)
         runners = [r.ahead(part if wide else trial, settings.trust, steps) for r in runners]
         runners = sorted(runners, key=lambda r: r.value)[:most]
-    at_last = [0.05 * math.log(motion.energy(part, r.trajectory)) + (r.sparsity(coarse) if long else 0) for r in runners]
-    winner = min(zip(runners, at_last, strict=True), key=lambda told: told[0].value + told[1])[0]
+
+    def told_apart(r: _Runner) -> float:
+        return r.value + (r.sparsity(coarse) if long else 0) + 0.05 * math.log(motion.energy(part, r.trajectory))
+
+    winner = min(runners, key=told_apart)
     best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8)
     yield Iterate(stage="path", fraction=0.75, trajectory=best.trajectory, latent=None, values=best.values)
 
