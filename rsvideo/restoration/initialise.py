@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -52,18 +53,21 @@ def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsic
     And up to as many from all strips but one: a single kernel that has failed, often by being too short, bends them all.
     """
     found: list[Candidate] = []
+    fitted = partial(fit, strips, timing, intrinsics, degree=degree)
 
-    def fresh(stiffness: float, without: int | None, most: int) -> Iterator[Candidate]:
-        for c in fit(strips, timing, intrinsics, degree=degree, stiffness=stiffness, keep=3, without=without):
+    def fresh(fits: list[Candidate], most: int) -> Iterator[Candidate]:
+        for c in fits:
             apart = all(np.linalg.norm(c.trajectory.coefficients - f.trajectory.coefficients) > 0.8 for f in found)
             if apart and len(found) < most and (not found or c.energy < 3 * found[0].energy):
                 found.append(c)
                 yield c
 
     for stiffness in STIFFNESSES:
-        yield from fresh(stiffness, None, most)
+        yield from fresh(fitted(stiffness=stiffness, keep=3), most)
+    first = found[:2]
     for i in range(len(strips) if len(strips) > 2 else 0):
-        yield from fresh(STIFFNESSES[1], i, 2 * most)
+        for c in first:
+            yield from fresh(fitted(stiffness=STIFFNESSES[1], keep=1, start=c.trajectory, without=i), 2 * most)
 
 
 def with_roll(
