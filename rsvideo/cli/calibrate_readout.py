@@ -7,7 +7,7 @@ import typer
 from typer import Option
 
 from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, named, print_json, say, today
-from rsvideo.cli.deblur import Way
+from rsvideo.cli.options import Way
 from rsvideo.cli.validate import refusing
 
 MOST_FRAMES = 10_000
@@ -45,8 +45,9 @@ def readout(
         from calibration import views
         from calibration.bands import CannotTellError
         from rsvideo.cli import quiet
-        from rsvideo.cli.calibrate_readout_ways import frame_rate, way
+        from rsvideo.cli.calibrate_readout_ways import way
         from rsvideo.config.camera import CameraProfile, Clock, Measured, Mode
+        from rsvideo.config.quantity import frame_rate
         from rsvideo.physics.shutter import Direction
 
         before = earlier(output, add=add, overwrite=overwrite)

@@ -66,17 +66,6 @@ def way(
     return way
 
 
-def frame_rate(text: str) -> Fraction:
-    """Frames a second, as people write them."""
-    try:
-        value = Fraction(text[:40])
-    except (ValueError, ZeroDivisionError):
-        value = Fraction(0)
-    if not 0 < value <= 100_000:
-        raise ValueError(f"rate must be a number of frames a second such as 25 or 24000/1001, got {text[:40]!r}")
-    return value
-
-
 def _given(source: Path | None) -> Path:
     if source is None:
         raise ValueError("CLIP must be given, before the options")

@@ -8,7 +8,6 @@ import typer
 from typer import Option
 
 from rsvideo.cli import asked, options
-from rsvideo.cli.options import Way as Way  # for calibrate
 from rsvideo.config.method import Method
 
 

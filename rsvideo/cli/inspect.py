@@ -44,7 +44,7 @@ def inspect(
     from rsvideo.cli import quiet
     from rsvideo.cli.ending import RefusedError
     from rsvideo.config.files import UnreadableError
-    from rsvideo.config.quantity import seconds
+    from rsvideo.config.quantity import frame_rate, seconds
     from rsvideo.physics.shutter import Direction
     from rsvideo.pipeline.known import gather
     from rsvideo.restoration.timing import Asked
@@ -60,7 +60,7 @@ def inspect(
             force=force,
         )
         with quiet.c_libraries():
-            clip = gather(source, camera=camera, rate=None if rate is None else _fraction(rate))
+            clip = gather(source, camera=camera, rate=None if rate is None else frame_rate(rate))
         told = _told(clip, asked)
     except UnreadableError:
         raise
@@ -70,18 +70,6 @@ def inspect(
         _print_json(told)
     else:
         _print_table(told)
-
-
-def _fraction(text: str) -> "Any":
-    from fractions import Fraction
-
-    try:
-        value = Fraction(text[:40])
-    except (ValueError, ZeroDivisionError):
-        value = Fraction(0)
-    if not 0 < value <= 100_000:
-        raise ValueError(f"rate must be a number of frames a second such as 25 or 24000/1001, got {text!r}")
-    return value
 
 
 def _told(clip: "KnownClip", asked: "Asked") -> dict[str, Any]:

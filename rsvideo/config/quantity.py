@@ -1,7 +1,8 @@
-"""Quantities as people write them: times as 1/50, 20ms or 0.02, lengths in pixels."""
+"""Quantities as people write them: times as 1/50, 20ms or 0.02, lengths in pixels, frames a second."""
 
 import math
 import re
+from fractions import Fraction
 
 LONGEST = 1.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
 
@@ -24,6 +25,17 @@ def seconds(name: str, text: str) -> float:
     if sign == "-":
         raise ValueError(f"{name} must not be negative, got {text!r}; a readout that runs upwards is --direction bottom-to-top")
     return float(number) / float(divisor or 1) * _SECONDS_PER_UNIT[unit.lower()]
+
+
+def frame_rate(text: str) -> Fraction:
+    """Frames a second, as people write them."""
+    try:
+        value = Fraction(text[:40])
+    except (ValueError, ZeroDivisionError):
+        value = Fraction(0)
+    if not 0 < value <= 100_000:
+        raise ValueError(f"rate must be a number of frames a second such as 25 or 24000/1001, got {text[:40]!r}")
+    return value
 
 
 def hand_held(name: str, value: float, *, zero: bool) -> float:

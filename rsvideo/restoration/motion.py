@@ -52,10 +52,13 @@ class Scene:
     noise: float  # standard deviation
     scale: float = 1.0  # of the frame; paths stay in px of the frame before it was made smaller
 
-    @property
-    def unit(self) -> Float[np.ndarray, "3"]:
-        """What a pose is multiplied with in this frame: (x, y, roll)."""
-        return np.array([self.scale, self.scale, 1])
+    def unit(self, axes: int) -> Float[np.ndarray, " axes"]:
+        """What a pose is multiplied with in this frame: (x, y) or (x, y, roll)."""
+        return np.array([self.scale, self.scale, 1])[:axes]
+
+    def seen(self, trajectory: Trajectory) -> Trajectory:
+        """The path in px of this frame."""
+        return trajectory.with_coefficients(trajectory.coefficients * self.unit(trajectory.coefficients.shape[1]))
 
     @property
     def gradient_power(self) -> float:
@@ -219,8 +222,7 @@ def _tile_objective(
 def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
     """f(theta), about 0.5 to 0.8, and its derivative in the trajectory's coefficients."""
     axes = trajectory.coefficients.shape[1]
-    unit = scene.unit[:axes]
-    trajectory = trajectory.with_coefficients(trajectory.coefficients * unit)
+    trajectory = scene.seen(trajectory)
     basis = trajectory.basis(scene.timing.sample_times(scene.samples))
     value, total, gradient = 0.0, 0.0, np.zeros_like(trajectory.coefficients)
     count = 1 if axes == 2 else scene.tiles
@@ -233,7 +235,7 @@ def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float
         total += w
         lever = tiles.levers(tile, scene.intrinsics, scene.timing.rows, axes)
         gradient += np.tensordot(basis, by_sample @ lever, axes=((0, 1), (0, 1)))
-    return value / total, gradient * unit / total
+    return value / total, gradient * scene.unit(axes) / total
 
 
 def turned(trajectory: Trajectory) -> Trajectory:
@@ -248,7 +250,7 @@ def energy(scene: Scene, trajectory: Trajectory) -> float:
     mu = 1e-3 * float(np.clip((scene.noise / PLAIN_NOISE) ** 2, 1, 10))
     count = 1 if trajectory.coefficients.shape[1] == 2 else scene.tiles
     total = pixels = 0.0
-    trajectory = trajectory.with_coefficients(trajectory.coefficients * scene.unit[: trajectory.coefficients.shape[1]])
+    trajectory = scene.seen(trajectory)
     for tile in tiles.split(scene.intrinsics.cols, count, 0):
         columns = slice(tile.first, tile.last)
         offsets = tiles.displacement(tile, trajectory, scene.intrinsics, scene.timing, scene.samples)

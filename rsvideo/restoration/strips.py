@@ -283,8 +283,8 @@ def fit(
     grid, targets = np.zeros(0), np.zeros((0, 0, 0))  # those of the last round serve below
 
     def trust() -> Float[np.ndarray, " strips"]:
-        weights = believed * _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
-        return weights / weights.sum()
+        trusted = believed * _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
+        return trusted / trusted.sum()
 
     rounds = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))
     for sigma, steps, survivors in rounds if start is None else rounds[1:]:
