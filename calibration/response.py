@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt
 from scipy.optimize import nnls
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
@@ -264,7 +264,7 @@ def _noise(
             here = inside & (mean >= low) & (mean < top)
             if here.sum() < 20:
                 continue
-            typical = float(np.quantile(variance[here], quantile)) * freedom / float(chi2.ppf(quantile, freedom))
+            typical = float(np.quantile(variance[here], quantile)) * freedom / float(chdtri(freedom, 1 - quantile))
             if typical > 0:
                 means.append(float(mean[here].mean()))
                 variances.append(typical)

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from jaxtyping import install_import_hook
 
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # compiled loops of two tests at a time, or of a test and its command
+
 # an int is a float here, as PEP 484 has it; compiled kernels carry @no_type_check
 install_import_hook(["rsvideo", "calibration"], "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
 

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.ndimage
 import scipy.sparse
 from jaxtyping import Float
+from numba import get_num_threads
 
 from rsvideo.baselines import uniform
 from rsvideo.frame import Frame, FrameResult, Verdict
@@ -68,19 +69,19 @@ def restored(
     if verdict is Verdict.RESTORED:
         full = min(1.0, LARGEST / max(scene.frame.shape))
         kernel = fitted(_resized(scene.frame, full), uniform.SIZES, uniform.KERNELS)
-        density = estimate(scene, full, kernel, settings.threads)
+        density = estimate(scene, full, kernel)
         psfs = grid(density, view.intrinsics)
         latent = uniform.solved(tiled_frame(view, density), settings, view.noise)
     return uniform.finished(frame, timing, timing_source, latent, psfs, verdict, started)
 
 
-def estimate(scene: Scene, full: float, kernel: Float[np.ndarray, "k k"], threads: int) -> Density:
+def estimate(scene: Scene, full: float, kernel: Float[np.ndarray, "k k"]) -> Density:
     """The density of the frame, grown from the uniform kernel of the frame at scale `full`: each alternation frees the poses around."""
     camera = _scaled(scene.intrinsics, full)
     weights = np.zeros((2 * ROLL_REACH + 1, *kernel.shape), np.float32)
     weights[ROLL_REACH] = kernel
     start = Density(weights=weights, roll_step=ROLL_STEP / float(np.hypot(camera.cols, camera.rows) / 2))
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(get_num_threads()) as pool:
         density = refined(_resized(scene.frame, full), camera, start, pool)
     return resampled(density, 1 / full, 1.0, 1) if full < 1 else density
 

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import scipy.ndimage
 from jaxtyping import Float
+from numba import get_num_threads
 
 from rsvideo.baselines import uniform
 from rsvideo.frame import Frame, FrameResult, Verdict
@@ -54,7 +55,7 @@ def restored(
     latent = psfs = None
     verdict = uniform.verdict_before(scene)
     if verdict is Verdict.RESTORED:
-        blocks = with_kernels(scene, split(len(scene.frame), block_rows), settings.threads)
+        blocks = with_kernels(scene, split(len(scene.frame), block_rows))
         psfs = _side_by_side(blocks)
         latent = stitched(view, blocks, settings)
     return uniform.finished(frame, timing, timing_source, latent, psfs, verdict, started)
@@ -67,14 +68,14 @@ def split(rows: int, block_rows: int | None) -> list[tuple[int, int]]:
     return [(first, first + height) for first in np.linspace(0, rows - height, count).round().astype(int).tolist()]
 
 
-def with_kernels(scene: Scene, spans: list[tuple[int, int]], threads: int) -> list[Block]:
+def with_kernels(scene: Scene, spans: list[tuple[int, int]]) -> list[Block]:
     """The blocks' kernels; one too poor in texture has that of the nearest block that is not."""
     part = blind.windowed(scene, blind.WINDOW_COLS).frame
     images = [np.ascontiguousarray(part[first:last]) for first, last in spans]
     power = [float((np.diff(image, axis=1) ** 2).mean() + (np.diff(image, axis=0) ** 2).mean()) for image in images]
     floor = min(max(1e-7, 8 * scene.noise**2), max(power))
     rich = [i for i, p in enumerate(power) if p >= floor]
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(get_num_threads()) as pool:
         kernels = dict(zip(rich, pool.map(lambda i: fitted(images[i], uniform.SIZES, uniform.KERNELS), rich), strict=True))
     nearest = [min(rich, key=lambda i, b=b: abs(i - b)) for b in range(len(spans))]
     return [Block(first=first, last=last, kernel=kernels[i]) for (first, last), i in zip(spans, nearest, strict=True)]

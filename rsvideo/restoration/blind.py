@@ -53,7 +53,6 @@ class Settings:
     candidates: int = 5  # first trajectories that are refined before one is chosen, and up to as many without one of the strips
     trust: float = 0.15  # in the strips' kernels, against the picture's sparsity
     frames: Literal["together", "alone", "cold"] = "together"  # of a clip: with their neighbours, along its path only, or as stills
-    threads: int = 2  # for the strips; compiled loops use numba's own setting
 
     def __post_init__(self) -> None:
         if not 1 <= self.degree <= 12:
@@ -239,7 +238,7 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     """The trajectory, coarse to fine; the last iterate is the answer."""
     part, trial = windowed(scene, WINDOW_COLS), windowed(scene, TRIAL_COLS)
     kernels = KernelSettings()
-    found = initialise.strip_kernels(part.frame, part.timing, kernels, parts=1, threads=settings.threads)
+    found = initialise.strip_kernels(part.frame, part.timing, kernels, parts=1)
     yield Iterate(stage="strip kernels", fraction=0.15, trajectory=still(part.timing.interval, degree=1, axes=2), latent=None)
     if sum(strips.length(s.kernel) < SHARP_KERNEL for s in found) >= min(2, len(found)):
         return
@@ -253,7 +252,7 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         yield from _alternated(part, starts[0].trajectory, settings)
         return
     if settings.motion == "rotation":
-        halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2, threads=settings.threads)
+        halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2)
         starts = initialise.with_roll(starts, found, halves, part.timing, part.intrinsics, degree=settings.degree)
         yield Iterate(stage="kernels of halves", fraction=0.25, trajectory=starts[0].trajectory, latent=None)
     long = strips.reach(found) > COARSE_REACH

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
+from numba import get_num_threads
 
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
@@ -20,9 +21,7 @@ SHARE = 0.36  # of the frame's scanlines that a strip spans; neighbours overlap
 STIFFNESSES = (8e-3, 2e-3, 5e-4)  # of the prior on the path: stiff ones find the sense of time, soft ones strong curves
 
 
-def strip_kernels(
-    frame: Float[np.ndarray, "rows cols"], timing: ShutterTiming, settings: KernelSettings, *, parts: int, threads: int
-) -> list[Strip]:
+def strip_kernels(frame: Float[np.ndarray, "rows cols"], timing: ShutterTiming, settings: KernelSettings, *, parts: int) -> list[Strip]:
     """Overlapping strips over the frame's scanlines, each cut into `parts` side by side, with their kernels."""
     rows, cols = frame.shape
     height = max(round(SHARE * rows), min(rows, 48))
@@ -38,7 +37,7 @@ def strip_kernels(
         *_, kernel = uniform.estimate(image, min(size, (min(image.shape) // 2 - 1) | 1), settings)
         return Strip(first=first, last=first + height, middle=(left + right - 1) / 2, kernel=kernel)
 
-    with ThreadPoolExecutor(threads) as pool:
+    with ThreadPoolExecutor(get_num_threads()) as pool:
         strips: list[Strip] = []
         for size in SIZES:
             strips = list(pool.map(lambda cell, size=size: strip(cell, size), cells))

@@ -18,7 +18,7 @@ from tests.baselines.scenes import cards, frame, path
 ROWS, COLS = 128, 160
 CAMERA = Intrinsics.centred(focal=400.0, rows=ROWS, cols=COLS)
 TIMING = ShutterTiming.from_readout(exposure=0.04, readout=0.0, rows=ROWS)
-SETTINGS = Settings(prior="tv", threads=1)
+SETTINGS = Settings(prior="tv")
 pytestmark = pytest.mark.usefixtures("small_kernels")
 STEP = 0.01  # rad
 TURN = np.array([[0.0, 0.0, 0.0], [1.5, 1.0, 0.02], [0.8, -0.6, 0.012]])  # px, px, rad: bent, so that no kernel is its own mirror image

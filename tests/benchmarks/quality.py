@@ -1,9 +1,10 @@
 """Restore every still of a folder of cases with the installed command and print what was gained.
 
-    python tests/benchmarks/quality.py CASES -o RESULTS [--known] [--motion shift] [--kind shift,paper800] [--jobs 2]
+    python tests/benchmarks/quality.py CASES -o RESULTS [--known] [--kind shift,paper800] [--jobs 2] [--motion shift --start tracing ...]
 
 CASES holds a folder a case: blurred.png, truth.png, motion.csv, case.json (`rsvideo simulate` writes such). RESULTS gets NAME.png
 and its sidecar. With --known the motion of motion.csv is given: the bound of what a blind method can reach with the same prior.
+All other options are those of `rsvideo deblur`.
 """
 
 import argparse
@@ -54,12 +55,10 @@ def main() -> None:
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--kind", default="")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--motion", default="rotation")
-    parser.add_argument("--prior", default="denoiser")
-    args = parser.parse_args()
+    args, options = parser.parse_known_args()
     args.output.mkdir(parents=True, exist_ok=True)
     cases = sorted(f.parent for f in args.cases.glob("*/case.json") if f.parent.name.startswith(tuple(args.kind.split(","))))
-    options = ["--motion", args.motion, "--prior", args.prior] + (["--threads", "1"] if args.jobs > 1 else [])
+    options += ["--threads", "1"] if args.jobs > 1 else []
     with ThreadPoolExecutor(args.jobs) as pool:
         rows = list(pool.map(lambda case: restored(case, args.output, options, args.known), cases))
     print("| case | blurred dB | restored dB | gain dB | path error px | seconds | verdict |\n|---|---|---|---|---|---|---|")
