@@ -251,23 +251,32 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
     if settings.refinement == "alternation":
         yield from _alternated(part, starts[0].trajectory, settings)
         return
-    if settings.motion == "rotation":
-        halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2)
-        starts = initialise.with_roll(starts, found, halves, part.timing, part.intrinsics, degree=settings.degree)
-        yield Iterate(stage="kernels of halves", fraction=0.25, trajectory=starts[0].trajectory, latent=None)
+    turning = settings.motion == "rotation"
+    halves = initialise.strip_kernels(part.frame, part.timing, kernels, parts=2) if turning else []
     long = strips.reach(found) > COARSE_REACH
     coarse = motion.halved(trial) if long else trial
-    runners = [_Runner(start=start, trajectory=start.trajectory) for start in starts]
-    runners = sorted((r.ahead(coarse, settings.trust, 1) for r in runners), key=lambda r: r.value)[:4]
-    for i, (steps, wide, most) in enumerate(HEATS):
-        yield Iterate(stage="candidate paths", fraction=0.4 + 0.1 * i, trajectory=runners[0].trajectory, latent=None)
-        runners = [r.ahead(part if wide else trial, settings.trust, steps) for r in runners]
-        runners = sorted(runners, key=lambda r: r.value)[:most]
+
+    def runners(starts: list[Candidate], most: int) -> list[_Runner]:
+        if turning:
+            starts = initialise.with_roll(starts, found, halves, part.timing, part.intrinsics, degree=settings.degree)
+        ready = [_Runner(start=start, trajectory=start.trajectory).ahead(coarse, settings.trust, 1) for start in starts]
+        return sorted(ready, key=lambda r: r.value)[:most]
 
     def told_apart(r: _Runner) -> float:
         return r.value + (r.sparsity(coarse) if long else 0) + 0.05 * math.log(motion.energy(part, r.trajectory))
 
-    winner = min(runners, key=told_apart)
+    running = runners(starts, 4)
+    for i, (steps, wide, most) in enumerate(HEATS):
+        yield Iterate(stage="candidate paths", fraction=0.3 + 0.1 * i, trajectory=running[0].trajectory, latent=None)
+        running = sorted((r.ahead(part if wide else trial, settings.trust, steps) for r in running), key=lambda r: r.value)[:most]
+    winner = min(running, key=told_apart)
+    back = initialise.mirrored(
+        winner.trajectory, found, part.timing, part.intrinsics, degree=settings.degree, stiffness=winner.start.stiffness
+    )
+    if back.energy < initialise.PLAUSIBLE * starts[0].energy:
+        yield Iterate(stage="the same path backwards", fraction=0.6, trajectory=back.trajectory, latent=None)
+        rival = runners([back], 1)[0].ahead(part, settings.trust, HEATS[-1][0])
+        winner = min(winner, rival, key=told_apart)
     best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8)
     yield Iterate(stage="path", fraction=0.75, trajectory=best.trajectory, latent=None, values=best.values)
 

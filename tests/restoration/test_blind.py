@@ -13,7 +13,8 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, still
-from rsvideo.restoration.blind import COSTLIEST, Iterate, Known, Settings, judge, observed, restore
+from rsvideo.restoration import initialise
+from rsvideo.restoration.blind import COSTLIEST, Iterate, Known, Settings, estimate, judge, observed, restore
 from rsvideo.restoration.motion import energy
 
 ROWS, COLS = 80, 120
@@ -176,6 +177,21 @@ def test_finer_motion_than_the_correction_is_kept():
     result = restore(frame(taken(timing, true).blurred), timing, CAMERA, KNOWN, start=Known(trajectory=true, drift=0.02, share=0.0))
     t = np.linspace(*timing.interval, 200)
     assert np.abs((result.trajectory.at(t) - true.at(t))[:, :2]).max() < 0.2
+
+
+def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkeypatch):
+    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
+    timing = shutter(Direction.TOP_TO_BOTTOM, camera)
+    true = path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [0.3, 0.3]]))
+    candidates = initialise.candidates
+
+    def backwards(*given, **how):
+        return (c for c in candidates(*given, **how) if (c.trajectory.coefficients[1] * true.coefficients[1]).sum() < 0)
+
+    monkeypatch.setattr(initialise, "candidates", backwards)
+    scene = observed(frame(taken(timing, true, camera).blurred), timing, camera, Settings())
+    *_, last = estimate(scene, Settings(motion="shift", degree=2, samples=20))
+    np.testing.assert_allclose(last.trajectory.coefficients[1], true.coefficients[1], atol=1)
 
 
 def test_a_picture_out_of_focus_is_not_restored_along_a_path_that_it_does_not_show():
