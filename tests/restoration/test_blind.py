@@ -191,6 +191,7 @@ def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkey
     monkeypatch.setattr(initialise, "candidates", backwards)
     scene = observed(frame(taken(timing, true, camera).blurred), timing, camera, Settings())
     *_, last = estimate(scene, Settings(motion="shift", degree=2, samples=20))
+    assert last.trajectory is not None
     np.testing.assert_allclose(last.trajectory.coefficients[1], true.coefficients[1], atol=1)
 
 
