@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.fft
 from jaxtyping import Float
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import gaussian_filter1d
@@ -278,8 +277,8 @@ def _coarse(log: GyroLog, run: Run, turns: Sequence[str], low: float, high: floa
     g = gaussian_filter1d(np.gradient(sums, _GRID, axis=0), _SMOOTH / _GRID, axis=0)
     radius = 0.25 * np.hypot(run.intrinsics.rows, run.intrinsics.cols)
     size = np.array([run.intrinsics.fy, run.intrinsics.fx, radius if run.axes == 3 else 0.0]) ** 2  # px a radian, squared
-    spectra = [scipy.fft.rfft(rates.T, len(g)) for rates in (w, g)]
-    both = scipy.fft.irfft(spectra[0].conj()[:, None] * spectra[1], len(g))[..., : len(offsets)]  # no shift wraps: g is so much longer
+    spectra = [np.fft.rfft(rates.T, len(g)) for rates in (w, g)]
+    both = np.fft.irfft(spectra[0].conj()[:, None] * spectra[1], len(g))[..., : len(offsets)]  # no shift wraps: g is so much longer
     energy = np.vstack([np.zeros(3), np.cumsum(g**2, axis=0)])
     own = (energy[len(t) :] - energy[: -len(t)]).T
     found = []
