@@ -35,7 +35,7 @@ def left(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize(
     ("codec", "suffix", "share"),
-    [(*CODERS[0], 0.1), (*CODERS[0], 0.5), (*CODERS[0], 0.999), (*CODERS[1], 0.9), (*CODERS[2], 0.1), (*CODERS[2], 0.5), (*CODERS[2], 0.999)],
+    [(*coder, share) for coder, shares in zip(CODERS, [(0.1, 0.5, 0.999), (0.9,), (0.1, 0.5, 0.999)], strict=True) for share in shares],
 )
 def test_a_clip_cut_short_anywhere_is_refused(rsvideo: Run, tmp_path: Path, codec: str, suffix: str, share: float) -> None:
     path = make(tmp_path / f"in{suffix}", codec=codec, frames=12)
