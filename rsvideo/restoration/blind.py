@@ -29,6 +29,7 @@ TRIAL_COLS = 560  # and candidates are compared on so many
 COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution
 HEATS = ((6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on
 COSTLIEST, CHEAPER_ACROSS, DENSER, CONTRAST = 2.3, 3.0, 0.008, 0.4  # see `judge`
+EVEN = 0.01  # that f may be higher along the same path backwards, for that to be worth a try
 TRUST = 2e-3  # in what is known of a path, against the sparsity of a picture of ENOUGH pixels or more
 ENOUGH = 30_000  # of fewer, sparsity tells less
 SHORTEST = 1.0  # px; a frame whose path is shorter than this is sharp
@@ -270,13 +271,12 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         yield Iterate(stage="candidate paths", fraction=0.3 + 0.1 * i, trajectory=running[0].trajectory, latent=None)
         running = sorted((r.ahead(part if wide else trial, settings.trust, steps) for r in running), key=lambda r: r.value)[:most]
     winner = min(running, key=told_apart)
-    back = initialise.mirrored(
-        winner.trajectory, found, part.timing, part.intrinsics, degree=settings.degree, stiffness=winner.start.stiffness
-    )
-    if back.energy < initialise.PLAUSIBLE * starts[0].energy:
-        yield Iterate(stage="the same path backwards", fraction=0.6, trajectory=back.trajectory, latent=None)
-        rival = runners([back], 1)[0].ahead(part, settings.trust, HEATS[-1][0])
-        winner = min(winner, rival, key=told_apart)
+    back = still(part.timing.interval, degree=settings.degree, axes=2).with_coefficients(-winner.trajectory.coefficients[:, :2])
+    how = {"degree": settings.degree, "stiffness": winner.start.stiffness, "keep": 1}
+    rival = runners(strips.fit(found, part.timing, part.intrinsics, start=back, **how), 1)[0]
+    yield Iterate(stage="the same path backwards", fraction=0.6, trajectory=rival.trajectory, latent=None)
+    if rival.sparsity(trial) - winner.sparsity(trial) < EVEN:
+        winner = min(winner, rival.ahead(part, settings.trust, HEATS[-1][0]), key=told_apart)
     best = motion.refine(part, winner.trajectory, winner.prior(settings.trust), ridge=part.ridge, steps=8)
     yield Iterate(stage="path", fraction=0.75, trajectory=best.trajectory, latent=None, values=best.values)
 

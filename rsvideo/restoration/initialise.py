@@ -11,14 +11,13 @@ from numba import get_num_threads
 
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.physics.trajectory import Trajectory, still
+from rsvideo.physics.trajectory import still
 from rsvideo.restoration import kernel as uniform
 from rsvideo.restoration.kernel import SIZES, KernelSettings
 from rsvideo.restoration.strips import Candidate, Strip, fit
 
 STRIPS = 5
 SHARE = 0.36  # of the frame's scanlines that a strip spans; neighbours overlap
-PLAUSIBLE = 3  # times the least energy that a candidate may have
 STIFFNESSES = (8e-3, 2e-3, 5e-4)  # of the prior on the path: stiff ones find the sense of time, soft ones strong curves
 
 
@@ -58,7 +57,7 @@ def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsic
     def fresh(fits: list[Candidate], most: int) -> Iterator[Candidate]:
         for c in fits:
             apart = all(np.linalg.norm(c.trajectory.coefficients - f.trajectory.coefficients) > 0.8 for f in found)
-            if apart and len(found) < most and (not found or c.energy < PLAUSIBLE * found[0].energy):
+            if apart and len(found) < most and (not found or c.energy < 3 * found[0].energy):
                 found.append(c)
                 yield c
 
@@ -68,14 +67,6 @@ def candidates(strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsic
     for i in range(len(strips) if len(strips) > 2 else 0):
         for c in first:
             yield from fresh(fitted(stiffness=STIFFNESSES[1], keep=1, start=c.trajectory, without=i), 2 * most)
-
-
-def mirrored(
-    path: Trajectory, strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, *, degree: int, stiffness: float
-) -> Candidate:
-    """The candidate near `path` run backwards, whose kernels are those of `path` turned by half a turn."""
-    backwards = still(timing.interval, degree=degree, axes=2).with_coefficients(-path.coefficients[:, :2])
-    return fit(strips, timing, intrinsics, degree=degree, stiffness=stiffness, keep=1, start=backwards)[0]
 
 
 def with_roll(
