@@ -27,6 +27,7 @@ from rsvideo.video import colour as tint
 from rsvideo.video import decode, sequence
 from rsvideo.video.clip import Colour, Matrix, Picture, Stream, planar
 from rsvideo.video.ffmpeg import fill
+from rsvideo.video.timecode import later
 
 Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
 
@@ -133,7 +134,8 @@ def _holds(larger: str, smaller: str) -> bool:
 class Writer:
     """Writes pictures in order; on a clean exit the file is verified by decoding it and appears under its name, else nothing does.
 
-    `first` and `last` say which part of the stream is written; a part begins at time 0. `notes` tells what could not be kept.
+    `first` and `last` say which part of the stream is written; a part begins at time 0, and at its own timecode. `notes` tells what
+    could not be kept.
     """
 
     def __init__(self, path: Path, stream: Stream, encoding: Encoding | None = None, *, first: int = 0, last: int | None = None) -> None:
@@ -145,6 +147,8 @@ class Writer:
         self._notes = list(notes)
         self._part = path.with_name(path.name + ".part")
         self._shift = int(stream.times[first]) if first else 0
+        passed = round(self._shift * stream.time_base * stream.rate)
+        self._timecode = stream.timecode and later(stream.timecode, passed, stream.rate)
         self._written = 0
         self._base = 1 / stream.rate  # seconds a step of the written file's times
         self._stack = contextlib.ExitStack()
@@ -242,8 +246,8 @@ class Writer:
         stream = self._stream
         self._out.metadata.update({k: v for k, v in stream.metadata.items() if k not in _NOT_CARRIED})
         self._video.metadata.update({k: v for k, v in stream.tags.items() if k not in _NOT_CARRIED})
-        if stream.timecode:
-            self._video.metadata["timecode"] = stream.timecode
+        if self._timecode:
+            self._video.metadata["timecode"] = self._timecode
         if stream.created:
             self._out.metadata["creation_time"] = stream.created
         if (chapters := source.chapters()) and (self._first, self._last) == (0, stream.frames):
@@ -343,19 +347,19 @@ class Writer:
             at = next((k for k, (a, b) in enumerate(zip(found, expected, strict=False)) if a != b), min(len(found), len(expected)))
             raise OSError(errno.EIO, f"{len(expected)} pictures were written, {len(found)} read back; picture {at} is off", str(self._path))
         if self._codec not in _SEQUENCES:
-            self._notes.extend(_lost(self._stream, written, self.colour))
+            self._notes.extend(_lost(self._stream, written, self.colour, self._timecode))
 
     def _remove(self) -> None:
         with contextlib.suppress(OSError):
             shutil.rmtree(self._part) if self._part.is_dir() else self._part.unlink(missing_ok=True)
 
 
-def _lost(stream: Stream, written: Stream, colour: Colour) -> Iterator[str]:
+def _lost(stream: Stream, written: Stream, colour: Colour, timecode: str | None) -> Iterator[str]:
     """What the container or the codec did not take of what it was given."""
     pairs = {
         "the aspect ratio of its pixels": (stream.sample_aspect_ratio, written.sample_aspect_ratio),
         "its rotation": (stream.display_matrix or (), written.display_matrix or ()),
-        "its timecode": (stream.timecode, written.timecode),
+        "its timecode": (timecode, written.timecode),
         "its date": (stream.created, written.created),
         "its colour tags": (colour.h273[:3], written.colour.h273[:3]),
         "its HDR10 metadata": (stream.mastering, written.mastering),

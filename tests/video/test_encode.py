@@ -161,12 +161,13 @@ def test_dates_timecode_titles_and_chapters_are_kept(tmp_path: Path) -> None:
     assert writer.notes == ()
 
 
-def test_a_part_begins_at_0_with_the_sound_of_its_time(tmp_path: Path) -> None:
-    source = make(tmp_path / "in.mp4", frames=48, sound=True, options={"x264-params": "keyint=12"})
+def test_a_part_begins_at_0_with_the_sound_and_the_timecode_of_its_time(tmp_path: Path) -> None:
+    source = make(tmp_path / "in.mp4", frames=48, sound=True, timecode="09:59:59:20", options={"x264-params": "keyint=12"})
     before = probe(source)
     rewrite(before, tmp_path / "out.mp4", first=24, last=36)
     after = probe(tmp_path / "out.mp4")
     assert seconds(after) == [Fraction(k, 24) for k in range(12)]
+    assert after.timecode == "10:00:00:20"
     whole, part = packets(source, "audio"), packets(tmp_path / "out.mp4", "audio")
     assert [data for at, data in whole if 1 <= at < Fraction(3, 2)] == [data for _, data in part]
     assert all(abs(a - 1 - b) < Fraction(1, 1000) for (a, _), (b, _) in zip([p for p in whole if p[0] >= 1], part, strict=False))
