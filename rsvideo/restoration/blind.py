@@ -245,7 +245,11 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Iterate]:
         return
     dense = max(part.samples, math.ceil(strips.reach(found)))
     part, trial = (replace(s, samples=dense) for s in (part, trial))
-    starts = list(initialise.candidates(found, part.timing, part.intrinsics, degree=settings.degree, most=settings.candidates))
+    fits = list(initialise.candidates(found, part.timing, part.intrinsics, degree=settings.degree, most=settings.candidates))
+    starts = [start for start in fits if not beyond(scene, start.trajectory)]
+    if not starts:
+        yield Iterate(stage="candidate paths", fraction=0.75, trajectory=fits[0].trajectory, latent=None)
+        return
     if settings.start == "tracing":
         traced = tracing.trace(found, part.timing, degree=settings.degree)
         starts = [replace(starts[0], trajectory=traced)]
@@ -337,6 +341,12 @@ def longest(timing: ShutterTiming, path: Trajectory) -> float:
     return float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
 
 
+def beyond(scene: Scene, path: Trajectory) -> bool:
+    """Whether the path leads over more than half the frame: no hand's does, and kernels that ask for it describe the picture."""
+    poses = path.at(np.linspace(*scene.timing.interval, 65))[:, :2]
+    return float(np.ptp(poses, axis=0).max()) > 0.5 * min(scene.frame.shape)
+
+
 def judge(scene: Scene, path: Trajectory) -> Verdict:
     """Whether restoring along `path` will help.
 
@@ -346,6 +356,8 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
     And the latent image's edges are hardly ever less sparse than the frame's own (by `DENSER`), but where restoring across
     the path makes them far less sparse still: otherwise the strips' kernels described the picture and not its blur.
     """
+    if beyond(scene, path):
+        return Verdict.UNEXPLAINED
     part = windowed(scene, WINDOW_COLS)
     rest = path.with_coefficients(0 * path.coefficients)
     if longest(part.timing, path) < SHORTEST:

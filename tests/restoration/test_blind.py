@@ -195,6 +195,22 @@ def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkey
     np.testing.assert_allclose(last.trajectory.coefficients[1], true.coefficients[1], atol=1)
 
 
+def test_a_path_that_leads_out_of_the_frame_is_not_followed(monkeypatch):
+    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
+    timing = shutter(Direction.TOP_TO_BOTTOM, camera)
+    true = path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [0.3, 0.3]]))
+    candidates = initialise.candidates
+
+    def far(*given, **how):
+        return (replace(c, trajectory=c.trajectory.with_coefficients(20 * c.trajectory.coefficients)) for c in candidates(*given, **how))
+
+    monkeypatch.setattr(initialise, "candidates", far)
+    given = frame(taken(timing, true, camera).blurred)
+    result = restore(given, timing, camera, Settings(motion="shift", degree=2, samples=20))
+    assert result.verdict is Verdict.UNEXPLAINED
+    np.testing.assert_array_equal(result.latent, given.pixels)
+
+
 def test_a_picture_out_of_focus_is_not_restored_along_a_path_that_it_does_not_show():
     photograph = tone.decode(Transfer.SRGB, (skimage.data.coffee()[100:340, 60:380] / 255).astype(np.float32))
     noise = np.random.default_rng(0).normal(0, 0.003, photograph.shape)
