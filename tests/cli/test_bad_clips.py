@@ -33,10 +33,8 @@ def left(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("codec", "suffix", "share"),
-    [(*coder, share) for coder, shares in zip(CODERS, [(0.1, 0.5, 0.999), (0.9,), (0.1, 0.5, 0.999)], strict=True) for share in shares],
-)
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])
+@pytest.mark.parametrize(("codec", "suffix"), CODERS)
 def test_a_clip_cut_short_anywhere_is_refused(rsvideo: Run, tmp_path: Path, codec: str, suffix: str, share: float) -> None:
     path = make(tmp_path / f"in{suffix}", codec=codec, frames=12)
     os.truncate(path, int(share * path.stat().st_size))
@@ -44,7 +42,7 @@ def test_a_clip_cut_short_anywhere_is_refused(rsvideo: Run, tmp_path: Path, code
     assert left(tmp_path) == [path.name]
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(("codec", "suffix"), CODERS)
 def test_bits_that_flipped_are_found_or_do_no_harm(rsvideo: Run, tmp_path: Path, codec: str, suffix: str, seed: int) -> None:
     path = make(tmp_path / f"in{suffix}", codec=codec, frames=12)
@@ -101,7 +99,7 @@ def test_a_raw_sequence_becomes_a_clip(rsvideo: Run, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("rate", "frames"), [(24, 1), (2, 3), (1000, 3)])
 def test_few_frames_and_odd_rates_are_restored(rsvideo: Run, tmp_path: Path, rate: int, frames: int) -> None:
-    known = ("--motion", "shift")
+    known = ()
     if frames > 1:  # a motion that is known, to be quick
         lines = [f"{t:.4f},0,{0.01 * np.sin(9 * t):.9f},0" for t in np.arange(0, 1.1, 1e-4)]
         (tmp_path / "motion.csv").write_text("\n".join([",".join(COLUMNS), *lines]))
