@@ -117,12 +117,17 @@ def test_a_degree_that_one_frame_does_not_determine_is_refused():
         Settings(degree=13)
 
 
+def moved(bend: float) -> tuple[Intrinsics, ShutterTiming, Trajectory]:
+    """A camera, its shutter, and a motion that is even but for `bend`."""
+    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
+    timing = shutter(Direction.TOP_TO_BOTTOM, camera)
+    return camera, timing, path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [bend, bend]]))
+
+
 @pytest.fixture(scope="module")
 def blindly() -> tuple[simulate.Rendering, FrameResult, list[Iterate], Trajectory]:
     """A frame, its restoration from the picture alone, what could be watched, and the truth."""
-    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
-    timing = shutter(Direction.TOP_TO_BOTTOM, camera)
-    true = path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [1.2, 1.2]]))
+    camera, timing, true = moved(1.2)
     case = taken(timing, true, camera)
     seen: list[Iterate] = []
     settings = Settings(motion="shift", degree=2, candidates=2, samples=20)
@@ -180,9 +185,7 @@ def test_finer_motion_than_the_correction_is_kept():
 
 
 def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkeypatch):
-    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
-    timing = shutter(Direction.TOP_TO_BOTTOM, camera)
-    true = path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [0.3, 0.3]]))
+    camera, timing, true = moved(0.3)
     candidates = initialise.candidates
 
     def backwards(*given, **how):
@@ -196,9 +199,7 @@ def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkey
 
 
 def test_a_path_that_leads_out_of_the_frame_is_not_followed(monkeypatch):
-    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
-    timing = shutter(Direction.TOP_TO_BOTTOM, camera)
-    true = path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [0.3, 0.3]]))
+    camera, timing, true = moved(0.3)
     candidates = initialise.candidates
 
     def far(*given, **how):
