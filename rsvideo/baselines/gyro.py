@@ -26,7 +26,8 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Spline, Trajectory, fit
 from rsvideo.restoration import clip
 from rsvideo.restoration.blind import Known, intrinsics_along
-from rsvideo.restoration.clip import Movement, Path, Run
+from rsvideo.restoration.clip import Movement, Run
+from rsvideo.restoration.path import Path, blank, trusted
 
 SLOWEST = 0.025  # s between samples; a hand shakes at up to 20 Hz
 SLACK = 0.01  # s, by which a log may begin late or end early; a frame there moves as it does that much later or earlier
@@ -120,13 +121,13 @@ def known(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> Path:
     """The log's path over a run, along its scanlines, and how well it is known: a frame's motion to DRIFT px and its SHARE."""
     log = gyro.facing(log, axes)
     check_cover(log, run.begins, run.timing, offset)
-    path = clip.blank(run.begins, run.timing, run.axes)
+    path = blank(run.begins, run.timing, run.axes)
     t = np.linspace(path.t0, path.t1, 8 * len(path.coefficients))
     angles = gyro.integrals(log)(np.clip(t + offset, 0, log.times[-1]))
     poses = gyro.poses_from_angles(angles - angles[len(t) // 2], camera=run.intrinsics)[:, : run.axes]
     found = fit(path, t, poses @ run.timing.direction.pose_from_scanlines[: run.axes, : run.axes])
     assert isinstance(found, Spline)
-    return clip.trusted(found, run.timing, run.intrinsics, drift=DRIFT, share=SHARE)
+    return trusted(found, run.timing, run.intrinsics, drift=DRIFT, share=SHARE)
 
 
 def aligned(

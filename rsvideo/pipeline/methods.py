@@ -16,6 +16,7 @@ from rsvideo.pipeline.recorded import Gyro
 from rsvideo.restoration import blind, clip
 from rsvideo.restoration.blind import Iterate, Settings
 from rsvideo.restoration.clip import Movement
+from rsvideo.restoration.flow import Flow
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +50,7 @@ def photograph(asked: Treatment, frame: Frame, trajectory: Trajectory | None, ob
             start=start,
             observe=observe,
         )
-    return _single(asked, frame, None)
+    return _single(asked, frame, None, None)
 
 
 def movement(asked: Treatment, frames: Iterable[Frame], begins: Float[np.ndarray, " frames"], observe: Callable[[int], None]) -> Movement:
@@ -72,8 +73,8 @@ def run(asked: Treatment, frames: Iterable[Frame], moving: Movement, observe: Ca
             frames, moving, asked.timing, asked.intrinsics, asked.settings, timing_source=asked.timing_source, observe=observe
         )
         return
-    for frame, way in zip(frames, moving.within, strict=True):
-        yield _single(asked, frame, way)
+    for frame, way, flow in zip(frames, moving.within, moving.flows or [None] * len(moving.within), strict=True):
+        yield _single(asked, frame, way, flow)
         observe(frame.index, 1.0)
 
 
@@ -90,7 +91,7 @@ def untouched(asked: Treatment, frame: Frame, verdict: Verdict) -> FrameResult:
     )
 
 
-def _single(asked: Treatment, frame: Frame, way: Trajectory | None) -> FrameResult:
+def _single(asked: Treatment, frame: Frame, way: Trajectory | None, flow: Flow | None) -> FrameResult:
     timing, camera, settings, source = asked.timing, asked.intrinsics, asked.settings, asked.timing_source
     match asked.method:
         case Method.VIDSTAB:
@@ -102,11 +103,11 @@ def _single(asked: Treatment, frame: Frame, way: Trajectory | None) -> FrameResu
         case Method.STITCH:
             return stitch.restored(frame, timing, settings, block_rows=asked.block_rows, timing_source=source)
         case Method.RECTIFY:
-            return rectify.restored(frame, way, timing, camera, timing_source=source)
+            return rectify.restored(frame, way, timing, camera, flow=flow, timing_source=source)
         case Method.RECTIFY_UNIFORM | Method.RECTIFY_NONUNIFORM:
-            straight, seen = rectify.straightened(frame, way, timing, camera, timing_source=source)
+            straight, seen = rectify.straightened(frame, way, timing, camera, flow=flow, timing_source=source)
             after = Method.UNIFORM if asked.method is Method.RECTIFY_UNIFORM else Method.NONUNIFORM
-            sharp = _single(replace(asked, method=after, timing=rectify.after(timing)), seen, None)
+            sharp = _single(replace(asked, method=after, timing=rectify.after(timing)), seen, None, None)
             if sharp.verdict is not Verdict.RESTORED:
                 return replace(straight, seconds=straight.seconds + sharp.seconds)
             return replace(sharp, frame=frame, timing=timing, trajectory=straight.trajectory, seconds=straight.seconds + sharp.seconds)

@@ -1,8 +1,7 @@
 """One continuous path through a run of frames, from the points that move between them and from the blur within them.
 
-A point tracked from one frame to the next observes the mean pose over one scanline's exposure against that over another's,
-each at its own time: linear in the path's coefficients. That settles the slow part of the motion, and the direction of time,
-which blur shows badly; blur shows the fast part, within an exposure. The path is one spline C, and
+Points (restoration.path) settle the slow part of the motion, and the direction of time, which blur shows badly; blur shows the
+fast part, within an exposure. The path is one spline C, and
 
     sum_k f_k(C) + tau (C - C_0)^T H (C - C_0)
 
@@ -11,7 +10,7 @@ is minimised over it, with f_k the sparsity of frame k's latent image (restorati
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,9 +18,9 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics.camera import Intrinsics, lever
+from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, still
+from rsvideo.physics.trajectory import Spline, Trajectory
 from rsvideo.restoration import motion
 from rsvideo.restoration.blind import (
     Settings,
@@ -34,17 +33,12 @@ from rsvideo.restoration.blind import (
     tiled_frame,
     windowed,
 )
+from rsvideo.restoration.flow import Flow, Points, flows, together
 from rsvideo.restoration.fusion import Seen, fused
 from rsvideo.restoration.motion import Scene
-from rsvideo.restoration.strips import shake_spread
+from rsvideo.restoration.path import Path, exposure_length, follow, polynomial, unexplained, windows, within
 from rsvideo.restoration.tracks import Tracks, codes, track
 
-KNOTS = 3  # spline pieces a frame's interval
-TERMS = 7  # of the polynomial that stands for the spline within one frame
-INDEPENDENT = 20  # points of a pair that count; the others share their errors, which blur causes
-STIFFNESS = 1.0  # of the prior on a hand's motion
-ROUNDS = 6  # of reweighting
-NODES = 33  # rows at which the basis is averaged; others by linear interpolation
 TRUST = 2e-3  # tau
 BLURRED = 6.0  # px an exposure, from which on blur adds to what tracks say
 STEPS = 6  # of the refinement
@@ -53,153 +47,6 @@ NEIGHBOURS = 3  # frames on either side that a frame is restored with
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # and from here on it is fully restored
 COLS = 480  # with most texture, which serve it
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Path:
-    """A path in px and rad over a run of frames, and how well it is known."""
-
-    spline: Spline  # seconds of the clip
-    precision: Float[np.ndarray, "unknowns unknowns"]  # H, of the coefficients, row by row
-
-
-def windows(path: Spline, begins: float, timing: ShutterTiming, terms: int = TERMS) -> Float[np.ndarray, "terms coefficients"]:
-    """M: the spline's coefficients to those of the polynomial nearest to it over the frame that begins at `begins`."""
-    t = np.linspace(*timing.interval, 4 * terms)
-    basis = _polynomial(timing, 2, terms).basis(t)
-    return np.linalg.lstsq(basis, path.basis(t + begins), rcond=None)[0]
-
-
-def within(path: Spline, begins: float, timing: ShutterTiming) -> Trajectory:
-    """The path within the frame that begins at `begins`, from its pose at the middle of the frame's interval."""
-    poly = _polynomial(timing, path.coefficients.shape[1]).with_coefficients(windows(path, begins, timing) @ path.coefficients)
-    return centred(poly, timing.middle)
-
-
-def _polynomial(timing: ShutterTiming, axes: int, terms: int = TERMS) -> Polynomial:
-    return still(timing.interval, degree=terms - 1, axes=axes)
-
-
-def blank(begins: Float[np.ndarray, " frames"], timing: ShutterTiming, axes: int) -> Spline:
-    """The spline over all frames, at rest."""
-    start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
-    terms = 3 + max(1, int(np.ceil((end - start) / timing.interval[1] * KNOTS)))
-    return Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
-
-
-def follow(
-    tracks: Sequence[Tracks],
-    begins: Float[np.ndarray, " frames"],
-    timing: ShutterTiming,
-    intrinsics: Intrinsics,
-    axes: int,
-    *,
-    known: Path | None = None,
-    backwards: Sequence[int] = (),
-) -> Path:
-    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion, or about a known one.
-
-    Frames whose index is among `backwards` were read from the last scanline to the first.
-    """
-    path = known.spline if known else blank(begins, timing, axes)
-    back = [k in backwards for k in range(len(begins))]
-    pairs = [_Pair.of(t, begins[k : k + 2], back[k : k + 2], timing, intrinsics, path) for k, t in enumerate(tracks) if len(t.before)]
-    windowed = _Windows.of(path, timing, intrinsics)
-    prior = known.precision if known else windowed.precision(np.full(len(windowed.begins), 8.0 * timing.exposure / timing.interval[1]))
-    mean, precision = path.coefficients.ravel(), prior
-    for _ in range(ROUNDS):
-        precision, right = prior.copy(), prior @ mean
-        for pair in pairs:
-            normal, b = pair.system(path.coefficients)
-            precision += normal
-            right += b
-        path = path.with_coefficients(np.linalg.solve(precision, right).reshape(path.coefficients.shape))
-        if not known:
-            prior = windowed.precision(np.array([_reach(path, t, timing) for t in windowed.begins]))
-    return Path(spline=path, precision=precision)
-
-
-def trusted(path: Spline, timing: ShutterTiming, intrinsics: Intrinsics, *, drift: float, share: float) -> Path:
-    """A path that is known within each frame to `drift` px and a `share` of its length there; where it begins is free."""
-    windowed = _Windows.of(path, timing, intrinsics)
-    reaches = np.array([_reach(path, t, timing) for t in windowed.begins])
-    return Path(spline=path, precision=windowed.precision(drift * timing.exposure / timing.interval[1] + share * reaches))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Windows:
-    """A path cut into overlapping pieces as long as a frame's interval, and how each of them moves."""
-
-    begins: Float[np.ndarray, " pieces"]
-    moves: list[np.ndarray]  # coefficients of the path to those of the polynomial, without the constant
-    spread: Float[np.ndarray, "degrees axes"]  # of these, for a path of 1 px an exposure
-
-    @classmethod
-    def of(cls, path: Spline, timing: ShutterTiming, intrinsics: Intrinsics) -> "_Windows":
-        duration = timing.interval[1]
-        begins = np.arange(path.t0, path.t1 - duration + 1e-9, duration / 2)
-        unit = np.array([1, 1, 1 / intrinsics.fx])[: path.coefficients.shape[1]]
-        return cls(
-            begins=begins,
-            moves=[windows(path, t, timing)[1:] for t in begins],
-            spread=shake_spread(TERMS - 1, timing)[:, None] * unit,
-        )
-
-    def precision(self, reaches: Float[np.ndarray, " pieces"]) -> Float[np.ndarray, "unknowns unknowns"]:
-        """Of the path's coefficients, row by row, if each piece moves by `reaches` px an exposure; where it begins is free."""
-        axes, unit = self.spread.shape[1], self.spread[0] / self.spread[0, 0]
-        out = np.diag(np.tile(1e-6 / unit**2, self.moves[0].shape[1]))
-        for m, reach in zip(self.moves, reaches, strict=True):
-            for a in range(axes):
-                out[a::axes, a::axes] += STIFFNESS * m.T @ (m / (reach * self.spread[:, a, None]) ** 2)
-        return out
-
-
-def _reach(path: Spline, begins: float, timing: ShutterTiming) -> float:
-    """The length in px of the path within one exposure, from its mean speed about a frame's middle; not less than 4 px a frame."""
-    window = max(timing.exposure, timing.interval[1] / 2)  # the speed of a short exposure alone is noise
-    t = begins + timing.middle + window * np.linspace(-0.5, 0.5, 9)
-    travelled = float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum())
-    return timing.exposure * max(travelled / window, 4.0 / timing.interval[1])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pair:
-    """The points between two frames as linear equations: moved = design @ coefficients."""
-
-    design: Float[np.ndarray, "points terms"]  # of the mean pose at the second sight, less that at the first
-    levers: Float[np.ndarray, "points 2 axes"]
-    moved: Float[np.ndarray, "points 2"]
-
-    @classmethod
-    def of(
-        cls, tracks: Tracks, begins: np.ndarray, back: list[bool], timing: ShutterTiming, intrinsics: Intrinsics, path: Spline
-    ) -> "_Pair":
-        nodes = np.linspace(0, timing.rows - 1, NODES)
-        times = nodes[:, None] * timing.row_time + timing.sample_times(8)[0]
-        seen = []
-        for at, turned, points in zip(begins, back, (tracks.before, tracks.after), strict=True):
-            basis = path.basis((times[::-1] if turned else times) + at).mean(axis=1)
-            place = np.clip(points[:, 1] / (timing.rows - 1) * (NODES - 1), 0, NODES - 1 - 1e-9)
-            low, share = place.astype(int), (place % 1)[:, None]
-            seen.append((1 - share) * basis[low] + share * basis[low + 1])
-        middle = 0.5 * (tracks.before + tracks.after)
-        return cls(
-            design=seen[1] - seen[0],
-            levers=lever(intrinsics, middle[:, 0], middle[:, 1], path.coefficients.shape[1]),
-            moved=tracks.before - tracks.after,  # a camera that moves right moves the image left
-        )
-
-    def system(self, coefficients: Float[np.ndarray, "terms axes"]) -> tuple[np.ndarray, np.ndarray]:
-        """Precision and right side, each point weighted by how well the path explains it (Cauchy's weights)."""
-        residual = self.moved - np.einsum("nca,nt,ta->nc", self.levers, self.design, coefficients)
-        size = np.linalg.norm(residual, axis=1)
-        scale = max(float(np.median(size)), 0.15)
-        weight = 1 / (1 + (size / (2 * scale)) ** 2) / scale**2
-        weight *= min(1.0, INDEPENDENT / len(weight))
-        full = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(len(weight), 2, -1)
-        weighted = full * weight[:, None, None]
-        return np.einsum("nci,ncj->ij", weighted, full, optimize=True), np.einsum("nci,nc->i", weighted, self.moved)
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], known: Path, *, steps: int) -> Path:
@@ -217,7 +64,7 @@ def refine(scenes: Sequence[Scene], begins: Sequence[float], known: Path, *, ste
         for scene, m in zip(scenes, local, strict=True):
             inside = m @ coefficients
             inside[0] = 0  # a gauge
-            f, slope = motion.objective(scene, _polynomial(scene.timing, shape[1]).with_coefficients(inside), 3 * scene.ridge)
+            f, slope = motion.objective(scene, polynomial(scene.timing, shape[1]).with_coefficients(inside), 3 * scene.ridge)
             slope[0] = 0
             value += f
             gradient += m.T @ slope
@@ -236,10 +83,13 @@ class Movement:
     within: list[Trajectory | None]  # None where no point could be followed: such a frame stands alone
     steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next
     tied: list[bool]  # whether the next frame's points were followed; else its step is 0
+    flows: list[Flow | None] = field(default_factory=list)  # what points do beyond that, along the scanlines; none where not asked for
 
     def part(self, first: int, last: int) -> "Movement":
         """That of frames first, ..., last - 1."""
-        return Movement(within=self.within[first:last], steps=self.steps[first:last], tied=self.tied[first:last])
+        return Movement(
+            within=self.within[first:last], steps=self.steps[first:last], tied=self.tied[first:last], flows=self.flows[first:last]
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -299,10 +149,22 @@ def tracked(run: Run, known: Path | None = None) -> Path:
     return follow(run.links, run.begins, _upright(run.timing), camera, run.axes, known=known)
 
 
+def own(run: Run, path: Path) -> list[Flow | None]:
+    """What the points of each frame do beyond the path that the tracks show."""
+    camera, upright = intrinsics_along(run.intrinsics, run.timing), _upright(run.timing)
+    said: list[list[Points]] = [[] for _ in run.begins]
+    for k, (link, (moved, elapsed)) in enumerate(
+        zip(run.links, unexplained(path.spline, run.links, run.begins, upright, camera), strict=True)
+    ):
+        said[k].append(Points(at=link.before, moved=moved, elapsed=elapsed))
+        said[k + 1].append(Points(at=link.after, moved=moved, elapsed=elapsed))
+    return flows([together(points) for points in said], max(camera.rows, camera.cols))
+
+
 def sharpened(run: Run, path: Path, known: Bool[np.ndarray, " frames"]) -> Path:
     """The path refined by the blur of those known frames that are blurred."""
     upright = _upright(run.timing)
-    blurred = [k for k in np.flatnonzero(known) if _reach(path.spline, run.begins[k], upright) > BLURRED]
+    blurred = [k for k in np.flatnonzero(known) if exposure_length(path.spline, run.begins[k], upright) > BLURRED]
     return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=STEPS) if blurred else path
 
 

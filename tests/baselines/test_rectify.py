@@ -8,7 +8,8 @@ import pytest
 from rsvideo.baselines.rectify import after, movement, rectified, restored
 from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.shutter import Direction
-from rsvideo.physics.trajectory import Polynomial
+from rsvideo.physics.simulate import Rendering
+from rsvideo.physics.trajectory import Polynomial, Spline, fit
 from rsvideo.restoration.blind import Settings
 from rsvideo.restoration.tracks import codes, track
 from tests.pipeline.moving import Moving
@@ -19,6 +20,14 @@ STILL = Polynomial(t0=0.0, t1=0.02, coefficients=np.zeros((2, 3)))
 def sharp(frames: int, direction: Direction = Direction.TOP_TO_BOTTOM, reach: float = 10.0) -> Moving:
     """A clip of short exposures, whose rows are read over most of a frame's time."""
     return Moving(frames=frames, direction=direction, reach=reach, exposure=0.5e-3, readout=0.03)
+
+
+def drifting(moving: Moving, velocity: np.ndarray) -> list[Rendering]:
+    """The frames of a camera that moves at `velocity`, px/s, besides."""
+    t = np.linspace(moving.path.t0, moving.path.t1, 200)
+    path = fit(moving.path, t, moving.path.at(t) + t[:, None] * velocity)
+    assert isinstance(path, Spline)
+    return [moving.shot(replace(path, t0=path.t0 - begin, t1=path.t1 - begin), k) for k, begin in enumerate(moving.begins)]
 
 
 def astray(pixels: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -102,6 +111,27 @@ def test_what_tracks_show_takes_more_than_two_thirds_of_the_wobble_away(directio
             into.append((astray(pixels, moving.renderings[k].truth) ** 2).mean())
     assert np.mean(before) > 1
     assert np.sqrt(np.mean(now)) < np.sqrt(np.mean(before)) / 3
+
+
+@pytest.mark.parametrize(
+    ("direction", "there", "velocity"),
+    [(Direction.TOP_TO_BOTTOM, np.s_[:, 120:], [120.0, 0.0, 0.0]), (Direction.LEFT_TO_RIGHT, np.s_[72:], [0.0, 120.0, 0.0])],
+)
+def test_a_near_thing_that_passes_by_is_put_right_too(direction: Direction, there: tuple[slice, ...], velocity: list[float]) -> None:
+    """One half of the picture drifts before the other, as what is near does when the camera moves sideways."""
+    moving = replace(sharp(4, direction), rows=144, cols=240)
+    frames, truth = moving.recorded, [shot.truth.copy() for shot in moving.renderings]
+    for frame, home, near in zip(frames, truth, drifting(moving, np.array(velocity)), strict=True):
+        frame.pixels[there], home[there] = near.blurred[there], near.truth[there]
+    found = movement(frames, moving.timing, moving.camera, Settings(), lambda _: None)
+    ours, plain, before = [], [], []
+    for k in (1, 2):
+        assert found.flows[k]
+        shown = [restored(frames[k], found.within[k], moving.timing, moving.camera, flow=flow).latent for flow in (found.flows[k], None)]
+        for pixels, into in zip((*shown, frames[k].pixels), (ours, plain, before), strict=True):
+            into.append(float((astray(pixels, truth[k]) ** 2).mean()))
+    assert np.mean(ours) < np.mean(plain) / 4
+    assert np.mean(ours) < np.mean(before) / 9
 
 
 def test_frames_without_a_neighbour_have_no_way() -> None:

@@ -3,7 +3,7 @@
     python tests/benchmarks/wobble.py [--shared FOLDER]
 
 Simulated clips have short exposures and a hand's shake, 0.3 and 0.6 rad/s RMS (a recording of vigorous hands has 0.6). `told` are
-points of a grid whose places the true motion tells; `tracked` are corners of the true frames found again by Lucas-Kanade, whose own
+pixels whose places the true motion tells; `tracked` are corners of the true frames found again by Lucas-Kanade, whose own
 error of some 0.1 px is in both. Of each frame the mean displacement is removed: it is no wobble. FOLDER holds cases/clips, which are
 blurred, and real/dual_reversed_real, pairs of one moment read downwards and upwards, whose points must meet: of these every other
 point tells the motion and the others are measured, RMS and median; their focal length is taken for their width.
@@ -26,8 +26,10 @@ from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Noise, margin, render
 from rsvideo.physics.trajectory import Spline, Trajectory
-from rsvideo.restoration import clip
 from rsvideo.restoration.blind import Settings, luminance
+from rsvideo.restoration.clip import Movement
+from rsvideo.restoration.flow import Points, flows
+from rsvideo.restoration.path import follow, unexplained, within
 from rsvideo.restoration.tracks import Tracks, codes, track
 from rsvideo.video import colour, still
 from rsvideo.video.decode import pictures, probe
@@ -35,7 +37,6 @@ from rsvideo.video.decode import pictures, probe
 FRAMES, RATE = 16, 30
 ROWS, COLS, FOCAL = 240, 360, 400.0
 SCENES = ("coffee.png", "astronaut.png", "rocket.jpg", "camera.png", "motorcycle_left.png")
-NODES = 12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,13 +105,19 @@ def poses(way: Trajectory, timing: ShutterTiming, scanlines: np.ndarray) -> np.n
     return way.at(times).mean(axis=1) - way.at(np.array([timing.middle]))
 
 
-def told(true: Trajectory, found: Trajectory | None, timing: ShutterTiming, camera: Intrinsics) -> np.ndarray:
-    """How far a grid's points, put where `found` says, lie from where they belong; left where they are without it."""
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, camera.cols - 1, NODES), np.linspace(0, camera.rows - 1, NODES)))
-    index = timing.direction.image(np.repeat(np.arange(float(timing.rows))[:, None], camera.rows + camera.cols - timing.rows, 1))
-    scanlines = index[np.rint(y).astype(int), np.rint(x).astype(int)]
-    home = turned(camera, x, y, poses(true, timing, scanlines))
-    return home if found is None else turned(camera, x, y, poses(found, timing, scanlines)) - home
+def told(moving: Clip, k: int, found: Movement | None) -> np.ndarray:
+    """How far what frame k shows in its pixels, as it is or rectified, lies from where it belongs: places are rectified like light."""
+    camera, timing, extent = moving.camera, moving.timing, np.array([moving.camera.cols, moving.camera.rows])
+    y, x = np.mgrid[: camera.rows, : camera.cols].astype(float)
+    scanlines = timing.direction.image(np.broadcast_to(np.arange(timing.rows)[:, None], timing.direction.scanlines(x).shape))
+    here = np.stack([x, y], axis=-1)
+    home = here + turned(camera, x, y, poses(moving.ways[k], timing, np.arange(float(timing.rows)))[scanlines])
+    pixels = (0.25 + 0.5 * home / extent).astype(np.float32)  # so that places somewhat outside lie in [0, 1] too
+    shown = Frame(pixels=pixels, clipped=np.zeros(pixels.shape, bool))
+    if found is not None and (way := found.within[k]) is not None:
+        shown = rectified(shown, way, timing, camera, flow=found.flows[k])
+    inside = ~shown.clipped.any(axis=2)
+    return ((shown.pixels - 0.25) / 0.5 * extent - here)[inside]
 
 
 def tracked(pixels: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -128,9 +135,9 @@ def rms(displacements: list[np.ndarray]) -> float:
 def measured(moving: Clip) -> tuple[float, ...]:
     """Wobble before and after, as the true motion tells it and as corners show it."""
     found = movement(moving.frames, moving.timing, moving.camera, Settings(), lambda _: None)
-    before = rms([told(w, None, moving.timing, moving.camera) for w in moving.ways])
-    now = rms([told(w, f, moving.timing, moving.camera) for w, f in zip(moving.ways, found.within, strict=True)])
-    shown = [rectified(f, w, moving.timing, moving.camera) if w else f for f, w in zip(moving.frames, found.within, strict=True)]
+    before, now = (rms([told(moving, k, how) for k in range(len(moving.frames))]) for how in (None, found))
+    ways = zip(moving.frames, found.within, found.flows, strict=True)
+    shown = [rectified(f, w, moving.timing, moving.camera, flow=u) if w else f for f, w, u in ways]
     seen = rms([tracked(f.pixels, t) for f, t in zip(moving.frames, moving.truth, strict=True)])
     left = rms([tracked(f.pixels, t) for f, t in zip(shown, moving.truth, strict=True)])
     return before, now, now / before, seen, left, left / seen
@@ -144,11 +151,14 @@ def paired(folder: Path, name: str) -> tuple[float, ...]:
     timing = ShutterTiming.from_readout(exposure=1e-3, readout=0.03, rows=rows)
     points = track(codes(luminance(down)), codes(luminance(up)))
     half, rest = (Tracks(before=points.before[k::2], after=points.after[k::2]) for k in (0, 1))
-    way = clip.within(clip.follow([half], np.zeros(2), timing, camera, 3, backwards=(1,)).spline, 0.0, timing)
-    home = [
-        seen + turned(camera, seen[:, 0], seen[:, 1], poses(way, timing, scanlines))
-        for seen, scanlines in ((rest.before, rest.before[:, 1]), (rest.after, rows - 1 - rest.after[:, 1]))
-    ]
+    path = follow([half], np.zeros(2), timing, camera, 3, backwards=(1,)).spline
+    ((moved, elapsed),) = unexplained(path, [half], np.zeros(2), timing, camera, backwards=(1,))
+    (flow,) = flows([Points(at=half.before, moved=moved, elapsed=elapsed)], max(rows, cols))
+    way, home = within(path, 0.0, timing), []
+    for seen, scanlines in ((rest.before, rest.before[:, 1]), (rest.after, rows - 1 - rest.after[:, 1])):
+        when = scanlines * timing.row_time + timing.exposure / 2 - timing.middle
+        own = when[:, None] * flow.at(seen) if flow else 0.0
+        home.append(seen + turned(camera, seen[:, 0], seen[:, 1], poses(way, timing, scanlines)) - own)
     apart = [d - d.mean(axis=0) for d in (rest.after - rest.before, home[1] - home[0])]
     before, now = (float(np.sqrt((d**2).sum(axis=1).mean())) for d in apart)
     seen, left = (float(np.median(np.linalg.norm(d, axis=1))) for d in apart)

@@ -20,7 +20,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Noise, Rendering, render
 from rsvideo.physics.tone import Transfer
-from rsvideo.physics.trajectory import Spline, fit
+from rsvideo.physics.trajectory import Spline, Trajectory, fit
 from rsvideo.video import colour, decode
 from rsvideo.video.clip import Colour, Matrix, Picture
 from rsvideo.video.ffmpeg import fill
@@ -86,11 +86,15 @@ class Moving:
 
     @cached_property
     def renderings(self) -> list[Rendering]:
+        return [self.shot(self.way(k), k) for k in range(self.frames)]
+
+    def shot(self, way: Trajectory, k: int) -> Rendering:
+        """Frame k of a camera that moves in this way instead."""
         photograph = np.asarray(getattr(skimage.data, self.scene)()) / 255.0
         photograph = photograph if photograph.ndim == 2 else photograph[..., 1]
         scene = tone.decode(Transfer.SRGB, photograph.astype(np.float32))[..., None].astype(np.float64)
-        how = {"camera": self.camera, "timing": self.timing, "noise": Noise(sigma=0.002), "samples": 24}
-        return [render(scene, **how, trajectory=self.way(k), rng=np.random.default_rng(k)) for k in range(self.frames)]
+        noise, rng = Noise(sigma=0.002), np.random.default_rng(k)
+        return render(scene, camera=self.camera, timing=self.timing, noise=noise, samples=24, trajectory=way, rng=rng)
 
     @property
     def recorded(self) -> list[Frame]:

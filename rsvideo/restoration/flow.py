@@ -1,0 +1,108 @@
+"""How image points move by themselves, beyond the camera's path: near things before far ones, and whatever walks or turns.
+
+The velocity u(x) of that motion is a Gaussian process with the kernel k (Rasmussen and Williams, "Gaussian Processes for Machine
+Learning", 2006), taken as constant while a frame is read. A point x_i that moves by e_i in the time T_i, both beyond the path,
+says
+
+    e_i = T_i u(x_i) + noise,    E[u | e] = s^2 sum_i k(x, x_i) T_i a_i,    (s^2 T k T + sigma^2 / w) a = e,
+
+with weights w that let points lie (Cauchy's). How fast (s) and how smooth (the kernel's length) the field is, is what predicts
+points best that are left out: a_i / [C^-1]_ii off (ibid., Eq. 5.12). Where that is hardly better than no motion there is no field.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.distance import cdist
+
+SPEEDS = (0.5, 2.0, 8.0)  # px in the points' time, s T
+LENGTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the frame's longer side
+TRACKED = 0.15  # px, sigma: how well a point is followed
+MOST = 300  # points a field
+EXPLAINS = 0.6  # of what points miss without a field, which one may leave; tracks' and paths' own errors are smooth too, at 0.7 to 1
+PROBES = 4  # frames of a run that choose its fields' speed and length
+_ROUNDS = 4  # of reweighting
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Points:
+    """What the points of one frame do beyond the path, along its scanlines."""
+
+    at: Float[np.ndarray, "points 2"]  # px
+    moved: Float[np.ndarray, "points 2"]  # px, e
+    elapsed: Float[np.ndarray, " points"]  # s, T
+
+    @property
+    def few(self) -> "Points":
+        """At most MOST of them, evenly taken."""
+        every = slice(None, None, -(-len(self.at) // MOST) or 1)
+        return Points(at=self.at[every], moved=self.moved[every], elapsed=self.elapsed[every])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Flow:
+    """The field u, along the scanlines."""
+
+    points: Float[np.ndarray, "points 2"]  # px
+    weights: Float[np.ndarray, "points 2"]  # px/s
+    length: float  # px
+
+    def at(self, places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """px/s at each place (column, row)."""
+        return _kernel(places, self.points, self.length) @ self.weights
+
+
+def together(parts: Sequence[Points]) -> Points:
+    """The points of a frame that were followed from the one before, and to the next."""
+    nothing = Points(at=np.zeros((0, 2)), moved=np.zeros((0, 2)), elapsed=np.zeros(0))
+    at, moved, elapsed = zip(*((p.at, p.moved, p.elapsed) for p in (nothing, *parts)), strict=True)
+    return Points(at=np.concatenate(at), moved=np.concatenate(moved), elapsed=np.concatenate(elapsed))
+
+
+def flows(frames: Sequence[Points], longer: int) -> list[Flow | None]:
+    """The field of each of a run's frames, whose longer side has `longer` px; None where points say nothing."""
+    few = [points.few for points in frames]
+    known = [k for k, points in enumerate(few) if points.elapsed.any()]
+    if not known:
+        return [None] * len(frames)
+    probes = [few[k] for k in np.unique(np.array(known)[np.linspace(0, len(known) - 1, PROBES).round().astype(int)])]
+    best, chosen = EXPLAINS * sum(_missed(points.moved, points) for points in probes), None
+    for speed, share in itertools.product(SPEEDS, LENGTHS):
+        missed = sum(_missed(_solved(points, speed, share * longer)[1], points) for points in probes)
+        if missed < best:
+            best, chosen = missed, (speed, share * longer)
+    return [None if chosen is None or k not in known else _solved(points, *chosen)[0] for k, points in enumerate(few)]
+
+
+def _solved(points: Points, speed: float, length: float) -> tuple[Flow, Float[np.ndarray, "points 2"]]:
+    """The field, and how far each point lies from where the others say."""
+    typical = float(np.sqrt(np.mean(points.elapsed**2)))
+    kernel = _kernel(points.at, points.at, length)
+    signal = (speed / typical) ** 2 * points.elapsed[:, None] * kernel * points.elapsed
+    solved, off = np.zeros_like(points.moved), points.moved
+    for _ in range(_ROUNDS):
+        size = np.linalg.norm(off, axis=1)
+        doubt = 1 + (size / (2 * _scale(size))) ** 2  # 1 / w
+        inverse = np.linalg.inv(signal + np.diag(TRACKED**2 * doubt))
+        solved = inverse @ points.moved
+        off = solved / np.diag(inverse)[:, None]
+    return Flow(points=points.at, weights=(speed / typical) ** 2 * points.elapsed[:, None] * solved, length=length), off
+
+
+def _missed(off: Float[np.ndarray, "points 2"], points: Points) -> float:
+    """Cauchy's measure of how far points lie off, in units of what no field leaves."""
+    scale = 2 * _scale(np.linalg.norm(points.moved, axis=1))
+    return float(np.log1p((off**2).sum(axis=1) / scale**2).mean())
+
+
+def _scale(size: Float[np.ndarray, " points"]) -> float:
+    return max(float(np.median(size)), TRACKED)
+
+
+def _kernel(places: Float[np.ndarray, "n 2"], points: Float[np.ndarray, "m 2"], length: float) -> Float[np.ndarray, "n m"]:
+    """Matern's of order 3/2: once differentiable."""
+    away = np.sqrt(3) / length * cdist(places, points)
+    return (1 + away) * np.exp(-away)
