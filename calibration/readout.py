@@ -17,6 +17,7 @@ from calibration.bands import NYQUIST, CannotTellError, standing, wandering
 from rsvideo.physics.shutter import Direction
 
 LONGEST = 0.5  # seconds; no photograph that is taken by hand is read more slowly
+SLOW = 0.25  # seconds; the slowest electronic shutters of photographs
 SHORTEST = 1e-3  # seconds
 BLOCKS = 16  # of columns, which bands cross alike and a scene does not
 MAINS = (50.0, 60.0)  # Hz
@@ -68,7 +69,7 @@ def measure(
         raise CannotTellError("the picture is black; is the light on?")
     rows = light.shape[2]
     beyond: tuple[str, ...] = ()
-    if longest is None and (longest := min(LONGEST, NYQUIST * rows / flicker)) < LONGEST:
+    if longest is None and (longest := min(LONGEST, NYQUIST * rows / flicker)) < SLOW:
         beyond = (f"a readout of more than {longest * 1e3:.4g} ms was not thought of",)
     if (most := flicker * longest / rows) > 1.001 * NYQUIST:
         raise CannotTellError(
