@@ -179,7 +179,7 @@ def test_with_the_corners_of_the_published_calibration_its_numbers_are_met(share
         points = cv2.cornerSubPix(grey, points, (11, 11), (-1, -1), until).reshape(-1, 2).astype(float)
         theirs.append(replace(view, seen=Seen(numbers=view.seen.numbers, points=points)))
     numbers = lens.fitted(theirs, "brown-conrady", 5)
-    np.testing.assert_allclose(numbers[:4], PUBLISHED, rtol=1e-3)
+    np.testing.assert_allclose(numbers[:4], PUBLISHED, rtol=3e-4)
 
 
 def test_both_of_opencvs_cameras_find_the_same_bent_board(shared: Path) -> None:
