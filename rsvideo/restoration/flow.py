@@ -6,8 +6,9 @@ says
 
     e_i = T_i u(x_i) + noise,    E[u | e] = s^2 sum_i k(x, x_i) T_i a_i,    (s^2 T k T + sigma^2 / w) a = e,
 
-with weights w that let points lie (Cauchy's). How fast (s) and how smooth (the kernel's length) the field is, is what predicts
-points best that are left out: a_i / [C^-1]_ii off (ibid., Eq. 5.12). Where that is hardly better than no motion there is no field.
+with sigma of tracking and weights w that let points lie (Cauchy's). How fast (s) and how smooth (the kernel's length) the field is,
+is what predicts points best that are left out: a_i / [C^-1]_ii off (ibid., Eq. 5.12). Where that is hardly better than no motion
+there is no field.
 """
 
 import itertools
@@ -18,9 +19,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.distance import cdist
 
+from rsvideo.restoration.tracks import TRACKED
+
 SPEEDS = (0.5, 2.0, 8.0)  # px in the points' time, s T
 LENGTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the frame's longer side
-TRACKED = 0.15  # px, sigma: how well a point is followed
 MOST = 300  # points a field
 EXPLAINS = 0.6  # of what points miss without a field, which one may leave; tracks' and paths' own errors are smooth too, at 0.7 to 1
 PROBES = 4  # frames of a run that choose its fields' speed and length

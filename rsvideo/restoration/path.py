@@ -14,7 +14,7 @@ from rsvideo.physics.camera import Intrinsics, lever
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, still
 from rsvideo.restoration.strips import shake_spread
-from rsvideo.restoration.tracks import Tracks
+from rsvideo.restoration.tracks import TRACKED, Tracks
 
 KNOTS = 3  # spline pieces a frame's interval
 TERMS = 7  # of the polynomial that stands for the spline within one frame
@@ -184,7 +184,7 @@ class _Pair:
     def system(self, coefficients: Float[np.ndarray, "terms axes"]) -> tuple[np.ndarray, np.ndarray]:
         """Precision and right side, each point weighted by how well the path explains it (Cauchy's weights)."""
         size = np.linalg.norm(self.residual(coefficients), axis=1)
-        scale = max(float(np.median(size)), 0.15)
+        scale = max(float(np.median(size)), TRACKED)
         weight = 1 / (1 + (size / (2 * scale)) ** 2) / scale**2
         weight *= min(1.0, INDEPENDENT / len(weight))
         full = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(len(weight), 2, -1)

@@ -8,6 +8,7 @@ from jaxtyping import Float, UInt8
 
 MOST = 400  # points a frame
 FEWEST = 24  # below, a pair of frames tells nothing: a cut, or nothing to see
+TRACKED = 0.15  # px; how well a point is followed at best
 WINDOW = 31  # px; wider than the blur, so that both frames' versions of a point lie inside
 LEVELS = 4  # of the pyramid: displacements up to about 15 px * 2^4
 _WOBBLE = 6.0  # px; how far the scanlines' own motion may lift a point off the homography of the whole frame
