@@ -21,7 +21,7 @@ def deblur(job: "Job | ClipJob", *, json: bool) -> None:
     _note(task.notes)
     with bar() as show:
         outcome = carry_out(task, show)
-    _note(outcome.notes)
+    _note(note for note in outcome.notes if note not in task.notes)
     if json:
         with job.record.open(encoding="utf-8") as record:
             shutil.copyfileobj(record, sys.stdout)

@@ -98,6 +98,12 @@ def test_json_puts_the_sidecar_on_standard_output(source: Path, tmp_path: Path) 
     assert done.stderr == ""
 
 
+def test_what_is_changed_is_told_once(tmp_path: Path) -> None:
+    before = make(tmp_path / "in.mp4", codec="mpeg4", rows=96, cols=160)
+    done = rsvideo("deblur", before, "-o", tmp_path / "out.mp4", "--method", "none")
+    assert (done.returncode, done.stderr.count("mpeg4 is not written")) == (0, 1)
+
+
 def test_a_range_beside_its_source_is_a_preview(source: Path, tmp_path: Path) -> None:
     preview = ("--range", "0.08-0.2", "--side-by-side", "--codec", "ffv1", "--method", "none")
     done = rsvideo("deblur", source, "-o", tmp_path / "out.mkv", *preview)
