@@ -91,7 +91,7 @@ def test_a_weak_fundamental_is_found_below_its_strong_harmonic() -> None:
 def test_a_photograph_of_a_wall_is_enough_and_its_std_is_honest() -> None:
     bands = measure(*film(frames=1, contrast=0.05), 1000.0)
     assert bands.notes == ("a readout of more than 108 ms was not thought of",)
-    assert not measure(*film(frames=1, contrast=0.05), 300.0).notes  # up to 360 ms, which no camera exceeds
+    assert not measure(*film(frames=1, contrast=0.05), 300.0).notes  # up to 360 ms, which hardly any camera exceeds
     assert abs(bands.readout - 0.02) < 3 * bands.std < 0.02 * 0.02
     assert bands.direction is None
 

@@ -88,13 +88,17 @@ class Moving:
     def renderings(self) -> list[Rendering]:
         return [self.shot(self.way(k), k) for k in range(self.frames)]
 
-    def shot(self, way: Trajectory, k: int) -> Rendering:
-        """Frame k of a camera that moves in this way instead."""
+    @cached_property
+    def light(self) -> np.ndarray:
+        """The photograph, linear."""
         photograph = np.asarray(getattr(skimage.data, self.scene)()) / 255.0
         photograph = photograph if photograph.ndim == 2 else photograph[..., 1]
-        scene = tone.decode(Transfer.SRGB, photograph.astype(np.float32))[..., None].astype(np.float64)
+        return tone.decode(Transfer.SRGB, photograph.astype(np.float32))[..., None].astype(np.float64)
+
+    def shot(self, way: Trajectory, k: int) -> Rendering:
+        """Frame k of a camera that moves in this way instead."""
         noise, rng = Noise(sigma=0.002), np.random.default_rng(k)
-        return render(scene, camera=self.camera, timing=self.timing, noise=noise, samples=24, trajectory=way, rng=rng)
+        return render(self.light, camera=self.camera, timing=self.timing, noise=noise, samples=24, trajectory=way, rng=rng)
 
     @property
     def recorded(self) -> list[Frame]:
