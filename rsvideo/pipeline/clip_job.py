@@ -22,7 +22,7 @@ from rsvideo.restoration import timing
 from rsvideo.restoration.blind import Settings
 from rsvideo.video import colour, decode, vidstab
 from rsvideo.video.clip import Picture, Stream
-from rsvideo.video.encode import Encoding, chosen
+from rsvideo.video.encoding import Encoding, chosen
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores

@@ -6,11 +6,9 @@ import math
 import os
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Literal
 
 import av
 import av.error
@@ -22,113 +20,17 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.physics.tone import Transfer
 from rsvideo.video import colour as tint
 from rsvideo.video import decode, sequence
-from rsvideo.video.clip import Colour, Matrix, Picture, Stream, planar
+from rsvideo.video.clip import Colour, Matrix, Picture, Stream
+from rsvideo.video.encoding import CONTAINERS, ENCODERS, SEQUENCES, Encoding, chosen
 from rsvideo.video.ffmpeg import fill
 from rsvideo.video.timecode import later
 
-Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
-
-_ENCODERS = {"h264": "libx264", "hevc": "libx265", "prores": "prores_ks", "dnxhr": "dnxhd", "ffv1": "ffv1"}
-_SAME = {"h264": "h264", "hevc": "hevc", "prores": "prores", "dnxhd": "dnxhr", "ffv1": "ffv1", "png": "png", "tiff": "tiff", "exr": "exr"}
-_NAMES = {"h264": "H.264", "hevc": "HEVC", "prores": "ProRes", "dnxhr": "DNxHR", "ffv1": "FFV1"}
-_CONTAINERS = {
-    ".mp4": ("mp4", ("h264", "hevc")),
-    ".mov": ("mov", ("h264", "hevc", "prores", "dnxhr")),
-    ".mkv": ("matroska", tuple(_ENCODERS)),
-}
-_SEQUENCES = ("png", "tiff", "exr")
 _CRF = {"h264": 10.0, "hevc": 11.0}  # about the rate of a camera; 14 loses 0.7 dB of a dark forest at 34 dB
 _AVX_512F = 13  # of OpenCV's CpuFeatures
 _MILLISECOND = Fraction(1, 1000)  # Matroska's time base, as FFmpeg writes it
 _NOT_CARRIED = {"major_brand", "minor_version", "compatible_brands", "encoder", "duration"}  # what a writer says of itself
-
-
-@dataclass(frozen=True, kw_only=True)
-class Encoding:
-    """How a clip is to be written."""
-
-    codec: Codec = "same"
-    quality: float | None = None  # constant rate factor of H.264 and HEVC; None is visually lossless
-    pixel_format: str = "same"  # FFmpeg's name
-    threads: int = 2
-
-
-def chosen(path: Path, stream: Stream, encoding: Encoding) -> tuple[str, Colour, tuple[str, ...]]:
-    """The codec and the layout that `encoding` comes to for a stream, and what that changes; ValueError where it cannot be."""
-    codec, notes = encoding.codec, ()
-    if codec == "same":
-        codec = _SAME.get(stream.codec, "hevc" if stream.colour.depth > 8 else "h264")
-        if stream.codec not in _SAME:
-            notes = (f"{stream.codec} is not written; the clip is encoded as {_NAMES.get(codec, codec)}",)
-    if codec in _SEQUENCES:
-        target = sequence.layout(codec, stream.colour)
-        if not stream.colour.full_range and codec != "exr":
-            notes += ("codes above white are clipped: such a picture holds none",)
-        if stream.variable or stream.tracks:
-            notes += ("a sequence of pictures holds neither their times nor other tracks",)
-        return codec, target, notes
-    suffix = path.suffix.lower()
-    if suffix not in _CONTAINERS:
-        raise ValueError(f"{path} must end in .mp4, .mov or .mkv for {_NAMES[codec]}, it ends in {path.suffix!r}")
-    if codec not in _CONTAINERS[suffix][1]:
-        fitting = " or ".join(name for name, (_, codecs) in _CONTAINERS.items() if codec in codecs)
-        raise ValueError(f"{_NAMES[codec]} must be written to {fitting}, {path} ends in {path.suffix!r}")
-    target, note = _held(codec, encoding.pixel_format, stream.colour)
-    return codec, target, notes + note
-
-
-def _held(codec: str, wanted: str, colour: Colour) -> tuple[Colour, tuple[str, ...]]:
-    """The layout of a codec that holds a colour: the same, or else the least that loses nothing."""
-    layouts = _layouts(codec)
-    plain = colour.pixel_format.replace("yuvj", "yuv")
-    if wanted == "same" and plain in layouts:
-        return colour, ()
-    if wanted == "same":
-        wanted = min(
-            (name for name in layouts if _holds(name, plain)),
-            key=lambda name: (name.startswith("gbr") != plain.startswith("gbr"), planar(name)[0], sum(4 - s for s in planar(name)[2])),  # pyright: ignore[reportOptionalSubscript]
-            default="",
-        )
-    if not wanted and codec == "prores" and plain == "yuv444p12le":
-        wanted = "yuv444p10le"  # all that its encoder takes
-    if wanted.replace("yuvj", "yuv") not in layouts or (facts := planar(wanted)) is None:
-        named = (
-            f"{wanted} pixels" if wanted else f"{colour.depth} bit {colour.subsampling} {'RGB' if colour.matrix is Matrix.RGB else 'YUV'}"
-        )
-        raise ValueError(
-            f"{_NAMES[codec]} must be given a layout that it holds ({', '.join(sorted(layouts))}), not {named}; FFV1 holds all of them"
-        )
-    rgb = wanted.startswith("gbr")
-    target = replace(colour, depth=facts[0], subsampling=facts[1], chroma_shift=facts[2], pixel_format=wanted)
-    if rgb:
-        target = replace(target, matrix=Matrix.RGB, full_range=True, h273=(*colour.h273[:2], 0, 2))
-    elif colour.matrix is Matrix.RGB:
-        target = replace(target, matrix=Matrix.BT709, full_range=False, h273=(colour.h273[0], colour.h273[1], 1, 1))
-    elif wanted.startswith("yuvj"):
-        target = replace(target, full_range=True, h273=(*colour.h273[:3], 2))
-    if colour.transfer is Transfer.LINEAR and facts[0] < 16:
-        target = replace(target, transfer=Transfer.BT709, h273=(1, 1, *target.h273[2:]))
-    return target, (f"{_NAMES[codec]} stores {wanted}; the codes are converted from {colour.pixel_format}",)
-
-
-def _layouts(codec: str) -> set[str]:
-    found = {layout.name for layout in av.Codec(_ENCODERS[codec], "w").video_formats or ()}
-    if codec == "ffv1":
-        found |= {"gbrp"}  # as bgr0
-    return {name for name in found if planar(name) and not name.startswith("yuvj")}
-
-
-def _holds(larger: str, smaller: str) -> bool:
-    (depth, _, shift), (least, chroma, most) = planar(larger) or (0, "", (9, 9)), planar(smaller) or (99, "", (0, 0))
-    if larger.startswith("gray") and chroma != "4:0:0":
-        return False
-    if larger.startswith("gbr") and not smaller.startswith("gbr"):
-        return False
-    exact = depth >= min(least, 10) and depth <= 16 if smaller.startswith("gbr") and not larger.startswith("gbr") else depth >= least
-    return exact and (chroma == "4:0:0" or (shift[0] <= most[0] and shift[1] <= most[1]))
 
 
 class Writer:
@@ -162,7 +64,7 @@ class Writer:
         self._remove()
         try:
             with _as_oserror(self._path):
-                if self._codec in _SEQUENCES:
+                if self._codec in SEQUENCES:
                     self._part.mkdir()
                 else:
                     self._open()
@@ -181,7 +83,7 @@ class Writer:
             picture = tint.relaid(picture, self._stream.colour, self.colour)
         self._written += 1
         with _as_oserror(self._path):
-            if self._codec in _SEQUENCES:
+            if self._codec in SEQUENCES:
                 files = self._stream.files
                 sequence.write(self._part, files[index].stem if files else f"{self._path.name}_{index:06d}", self._codec, picture)
             else:
@@ -197,7 +99,7 @@ class Writer:
             self._remove()
 
     def _open(self) -> None:
-        stream, family = self._stream, _CONTAINERS[self._path.suffix.lower()][0]
+        stream, family = self._stream, CONTAINERS[self._path.suffix.lower()][0]
         # else sound that begins before the picture moves the picture, and tracks get random numbers
         options = {"avoid_negative_ts": "disabled", "fflags": "+bitexact"}
         if family != "matroska":
@@ -221,7 +123,7 @@ class Writer:
     def _video_stream(self) -> VideoStream:
         stream, colour, codec = self._stream, self.colour, self._codec
         video = self._out.add_stream(
-            _ENCODERS[codec],
+            ENCODERS[codec],
             rate=stream.rate,
             options=_options(self._encoding, codec, colour, stream, self._last - self._first),
             time_base=stream.time_base,
@@ -308,7 +210,7 @@ class Writer:
         if self._written != self._last - self._first:
             raise ValueError(f"{self._path} must hold {self._last - self._first} pictures, {self._written} were written")
         with _as_oserror(self._path):
-            if self._codec not in _SEQUENCES:
+            if self._codec not in SEQUENCES:
                 self._mux(self._video.encode(None))
                 while self._ahead is not None:
                     self._out.mux_one(self._ahead)
@@ -328,7 +230,7 @@ class Writer:
     def _expected(self) -> np.ndarray:
         """The pts that the file must show, in its own time base; a sequence counts."""
         stream = self._stream
-        if self._codec in _SEQUENCES:
+        if self._codec in SEQUENCES:
             return np.arange(self._last - self._first)
         exact = [(int(t) - self._shift) * stream.time_base / self._base for t in stream.times[self._first : self._last]]
         return np.array(
@@ -346,7 +248,7 @@ class Writer:
         if len(found) != len(expected) or any(a != b for a, b in zip(found, expected, strict=True)):
             at = next((k for k, (a, b) in enumerate(zip(found, expected, strict=False)) if a != b), min(len(found), len(expected)))
             raise OSError(errno.EIO, f"{len(expected)} pictures were written, {len(found)} read back; picture {at} is off", str(self._path))
-        if self._codec not in _SEQUENCES:
+        if self._codec not in SEQUENCES:
             self._notes.extend(_lost(self._stream, written, self.colour, self._timecode))
 
     def _remove(self) -> None:

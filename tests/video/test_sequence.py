@@ -15,7 +15,8 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import exr
 from rsvideo.video.decode import pictures, probe
-from rsvideo.video.encode import Codec, Encoding, Writer
+from rsvideo.video.encode import Writer
+from rsvideo.video.encoding import Codec, Encoding
 from rsvideo.video.ffmpeg import arrays
 from tests.video.clips import make, raw, scene
 
