@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float32
 
 from calibration.views import is_clip
-from rsvideo.video import colour, decode, metadata, sequence, still
-from rsvideo.video.clip import Stream
-from rsvideo.video.still import Still
+from rsvideo.stills import still
+from rsvideo.stills.still import Still
+from rsvideo.video import colour, decode, metadata, sequence
+from rsvideo.video.stream import Stream
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

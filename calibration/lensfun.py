@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rsvideo.config.camera import Distortion, Found, Lens, Measured
 from rsvideo.config.yaml import shown
+from rsvideo.shooting.camera_profile import Distortion, Found, Lens, Measured
 
 _FULL_FRAME_DIAGONAL = 43.266615  # mm, of 36 x 24
 _STILLS_ASPECT = 1.5

@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from rsvideo.config.camera import CameraProfile, Clock, Measured, Mode, Noise, Tone
-from rsvideo.config.camera import Lens as LensPart
 from rsvideo.physics import tone
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
+from rsvideo.shooting.camera_profile import CameraProfile, Clock, Measured, Mode, Noise, Tone
+from rsvideo.shooting.camera_profile import Lens as LensPart
 
 _BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
 _LINES, _POINTS = 13, 60  # of the grid, and along each of its lines

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from calibration.lens import Fit
 from calibration.response import Response
-from rsvideo.config import camera
-from rsvideo.config.camera import CameraProfile, Found, Measured
 from rsvideo.config.yaml import ConfigError
+from rsvideo.shooting import camera_profile
+from rsvideo.shooting.camera_profile import CameraProfile, Found, Measured
 
 _NAMED = 3  # files that are named in words; the others are counted
 _CHUNK = 1 << 20
@@ -29,25 +29,25 @@ def _sha256(path: Path) -> str:
     return digest.hexdigest()
 
 
-def lens(fit: Fit, whence: Found) -> camera.Lens:
+def lens(fit: Fit, whence: Found) -> camera_profile.Lens:
     """The lens's part."""
     values = [Measured(value=float(value), std=float(std)) for value, std in zip(fit.lens.numbers, fit.lens.std, strict=True)]
     model = "fisheye" if fit.lens.model == "fisheye" else "brown-conrady"
-    return camera.Lens(
+    return camera_profile.Lens(
         fx=values[0],
         fy=values[1],
         cx=values[2],
         cy=values[3],
-        distortion=camera.Distortion(model=model, coefficients=values[4:]),
+        distortion=camera_profile.Distortion(model=model, coefficients=values[4:]),
         rms_px=Measured(value=round(fit.rms, 4)),
         found=whence,
     )
 
 
-def tone(response: Response, whence: Found) -> camera.Tone:
+def tone(response: Response, whence: Found) -> camera_profile.Tone:
     """The tone curve's part."""
     own = [round(float(light), 6) for light in response.curve]
-    return camera.Tone(
+    return camera_profile.Tone(
         transfer=response.transfer,
         curve=None if response.transfer else own,
         curve_std=float(f"{response.std:.3g}"),
@@ -57,11 +57,11 @@ def tone(response: Response, whence: Found) -> camera.Tone:
     )
 
 
-def noise(response: Response, whence: Found) -> camera.Noise | None:
+def noise(response: Response, whence: Found) -> camera_profile.Noise | None:
     """The noise's part."""
     if (model := response.noise) is None:
         return None
-    return camera.Noise(
+    return camera_profile.Noise(
         read=Measured(value=model.read, std=model.read_std or None),
         shot=Measured(value=model.shot, std=model.shot_std or None),
         found=whence.model_copy(update={"how": model.how}),

@@ -10,8 +10,9 @@ from jaxtyping import Bool, Float, UInt8
 
 from calibration.board import Board, Seen, find
 from rsvideo.config.files import UnreadableError
-from rsvideo.video import decode, still
-from rsvideo.video.clip import Picture, Stream
+from rsvideo.stills import still
+from rsvideo.video import decode
+from rsvideo.video.stream import Picture, Stream
 
 MOST_VIEWS = 40  # more add time and little else
 MOST_LOOKED_AT = 240  # of a clip's pictures

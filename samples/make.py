@@ -19,7 +19,6 @@ from av.audio.frame import AudioFrame
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from rsvideo.config.motion import COLUMNS
 from rsvideo.physics import gyro, tone
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shake import shake
@@ -27,9 +26,11 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import Noise, extent, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline
-from rsvideo.video import colour, still
-from rsvideo.video.clip import Colour, Matrix, Picture
-from rsvideo.video.ffmpeg import fill
+from rsvideo.shooting.known_motion import COLUMNS
+from rsvideo.stills import still
+from rsvideo.stills.ffmpeg import fill
+from rsvideo.video import colour
+from rsvideo.video.stream import Colour, Matrix, Picture
 
 HERE = Path(__file__).resolve().parent
 PHOTOGRAPHS = Path(skimage.data.__file__).parent

@@ -24,10 +24,10 @@ from rsvideo.physics.camera import Intrinsics, lever
 from rsvideo.physics.gyro import GyroLog, camera_from_gyro
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Spline, Trajectory, fit
-from rsvideo.restoration import clip
-from rsvideo.restoration.blind import Known, intrinsics_along
-from rsvideo.restoration.clip import Movement, Run
-from rsvideo.restoration.path import Path, blank, trusted
+from rsvideo.restoration import multi_frame
+from rsvideo.restoration.camera_path import Path, blank, trusted
+from rsvideo.restoration.multi_frame import Movement, Run
+from rsvideo.restoration.single_frame import Known, intrinsics_along
 
 SLOWEST = 0.025  # s between samples; a hand shakes at up to 20 Hz
 SLACK = 0.01  # s, by which a log may begin late or end early; a frame there moves as it does that much later or earlier
@@ -96,8 +96,8 @@ def refined(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> Move
     plain = movement(log, run.begins, run.timing, run.intrinsics, offset=offset, axes=axes, tied=run.tied)
     start = known(log, run, offset=offset, axes=axes)
     everywhere = np.ones(len(run.begins), bool)
-    found = clip.sharpened(run, clip.tracked(run, start), everywhere)
-    before, now = (clip.told(path.spline, run.begins, run.timing, everywhere, run.tied) for path in (start, found))
+    found = multi_frame.sharpened(run, multi_frame.tracked(run, start), everywhere)
+    before, now = (multi_frame.told(path.spline, run.begins, run.timing, everywhere, run.tied) for path in (start, found))
     t = np.linspace(*run.timing.interval, 129)
     ways = []
     for fine, old, new in zip(plain.within, before.within, now.within, strict=True):
@@ -267,7 +267,7 @@ def _coarse(log: GyroLog, run: Run, turns: Sequence[str], low: float, high: floa
 
     With rates w of the tracks and g of the log in px/s, sum |w|^2 - 2 w A g + |A g|^2 is what A leaves, by correlation at all offsets.
     """
-    path = clip.tracked(run).spline
+    path = multi_frame.tracked(run).spline
     t = np.arange(path.t0, path.t1, _GRID)
     way = path.at(t) @ run.timing.direction.pose_from_scanlines[: run.axes, : run.axes].T
     w = np.gradient(gyro.angles_from_poses(way, camera=run.intrinsics), _GRID, axis=0)

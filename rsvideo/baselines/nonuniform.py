@@ -24,10 +24,18 @@ from rsvideo.physics import tiles
 from rsvideo.physics.camera import Intrinsics, turned
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tiles import Tile
-from rsvideo.restoration import blind, deblur
-from rsvideo.restoration.blind import Settings, View
-from rsvideo.restoration.kernel import KernelSettings, Observation, correlations, fitted, observation, simplex_program, strong_gradients
-from rsvideo.restoration.motion import Scene
+from rsvideo.restoration import nonblind, single_frame
+from rsvideo.restoration.blind_kernel import (
+    KernelSettings,
+    Observation,
+    correlations,
+    fitted,
+    observation,
+    simplex_program,
+    strong_gradients,
+)
+from rsvideo.restoration.single_frame import Settings, View
+from rsvideo.restoration.sparsity import Scene
 
 DOWN, ACROSS = 3, 4  # patches, each overlapping its neighbours by half
 ROLL_STEP = 1.0  # px at the frame's corner between neighbouring rolls
@@ -62,8 +70,8 @@ def restored(
 ) -> FrameResult:
     """The latent image of `frame` under one density of poses."""
     started = time.monotonic()
-    view = blind.along_scanlines(frame, timing, intrinsics)
-    scene = blind.observed(view.frame, view.timing, view.intrinsics, settings)
+    view = single_frame.along_scanlines(frame, timing, intrinsics)
+    scene = single_frame.observed(view.frame, view.timing, view.intrinsics, settings)
     latent = psfs = None
     verdict = uniform.verdict_before(scene)
     if verdict is Verdict.RESTORED:
@@ -162,7 +170,7 @@ def grid(density: Density, camera: Intrinsics) -> Float[np.ndarray, "down across
     return np.array([[(kernels_from(density, camera, x, y, size) @ values).reshape(size, size) for x in xs] for y in ys])
 
 
-def tiled_frame(view: View, density: Density) -> deblur.TiledFrame:
+def tiled_frame(view: View, density: Density) -> nonblind.TiledFrame:
     """The frame whose scanlines sample the latent image in all poses of the density."""
     rows, cols = view.frame.pixels.shape[:2]
     poses, values = density.poses(), density.values()
@@ -175,8 +183,8 @@ def tiled_frame(view: View, density: Density) -> deblur.TiledFrame:
     def samples(tile: Tile) -> tuple[np.ndarray, np.ndarray]:
         return turned(view.intrinsics, np.full(shape, tile.middle), y, everywhere), weights
 
-    cut = tiles.split(cols, count, deblur.OVERLAP)
-    return deblur.tiled_from(cut, samples, view.frame.pixels, view.frame.clipped)
+    cut = tiles.split(cols, count, nonblind.OVERLAP)
+    return nonblind.tiled_from(cut, samples, view.frame.pixels, view.frame.clipped)
 
 
 def resampled(density: Density, ratio: float, roll_ratio: float, ring: int) -> Density:

@@ -17,10 +17,10 @@ from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics, turned
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory, still
-from rsvideo.restoration import clip
-from rsvideo.restoration.blind import Settings, intrinsics_along
-from rsvideo.restoration.clip import Movement
-from rsvideo.restoration.flow import Flow
+from rsvideo.restoration import multi_frame
+from rsvideo.restoration.multi_frame import Movement
+from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.single_frame import Settings, intrinsics_along
 
 STILL = 0.05  # px; a frame of which no pixel moves farther is left as it was
 _SAMPLES = 16  # of a row's exposure
@@ -33,11 +33,11 @@ def movement(
     frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings, observe: Callable[[int], None]
 ) -> Movement:
     """The motion that tracked points alone show; `observe` is told of each frame taken in."""
-    run = clip.seen(frames, timing, intrinsics, settings, observe, blur=False)
+    run = multi_frame.seen(frames, timing, intrinsics, settings, observe, blur=False)
     if not run.known.any():
-        return clip.unknown(len(run.begins), run.axes)
-    path = clip.tracked(run)
-    return replace(clip.told(path.spline, run.begins, timing, run.known, run.tied), flows=clip.own(run, path))
+        return multi_frame.unknown(len(run.begins), run.axes)
+    path = multi_frame.tracked(run)
+    return replace(multi_frame.told(path.spline, run.begins, timing, run.known, run.tied), flows=multi_frame.own(run, path))
 
 
 def rectified(frame: Frame, way: Trajectory, timing: ShutterTiming, intrinsics: Intrinsics, *, flow: Flow | None = None) -> Frame:

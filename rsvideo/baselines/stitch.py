@@ -18,10 +18,10 @@ from numba import get_num_threads
 from rsvideo.baselines import uniform
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.restoration import blind
-from rsvideo.restoration.blind import Settings, View
-from rsvideo.restoration.kernel import fitted
-from rsvideo.restoration.motion import Scene
+from rsvideo.restoration import single_frame
+from rsvideo.restoration.blind_kernel import fitted
+from rsvideo.restoration.single_frame import Settings, View
+from rsvideo.restoration.sparsity import Scene
 
 SHORTEST = 24  # scanlines a block must have
 CONTEXT = 24  # scanlines restored beyond a block on either side and its kernel, so that nothing rings
@@ -70,7 +70,7 @@ def split(rows: int, block_rows: int | None) -> list[tuple[int, int]]:
 
 def with_kernels(scene: Scene, spans: list[tuple[int, int]]) -> list[Block]:
     """The blocks' kernels; one too poor in texture has that of the nearest block that is not."""
-    part = blind.windowed(scene, blind.WINDOW_COLS).frame
+    part = single_frame.windowed(scene, single_frame.WINDOW_COLS).frame
     images = [np.ascontiguousarray(part[first:last]) for first, last in spans]
     power = [float((np.diff(image, axis=1) ** 2).mean() + (np.diff(image, axis=0) ** 2).mean()) for image in images]
     floor = min(max(1e-7, 8 * scene.noise**2), max(power))
@@ -97,7 +97,8 @@ def stitched(view: View, blocks: list[Block], settings: Settings) -> Float[np.nd
     for (above, one, a), (below, other, b) in pairwise(zip(spans, latents, blocks, strict=True)):
         common = slice(below.start, above.stop)
         parts = [
-            blind.luminance(part[common.start - span.start : common.stop - span.start]) for span, part in ((above, one), (below, other))
+            single_frame.luminance(part[common.start - span.start : common.stop - span.start])
+            for span, part in ((above, one), (below, other))
         ]
         steps.append(displacement(parts[0], parts[1], max(len(a.kernel), len(b.kernel)) / 2))
     shifts = np.cumsum(steps, axis=0)

@@ -1,6 +1,6 @@
 """One kernel for the whole frame, blind, after Cho & Lee (SIGGRAPH Asia 2009): strong edges, Fourier transforms, coarse to fine.
 
-The estimator is the one that finds the kernels of strips (restoration.kernel), and the latent image is solved for as
+The estimator is the one that finds the kernels of strips (restoration.blind_kernel), and the latent image is solved for as
 along a trajectory, with the same denoiser, unknown borders and clipped pixels left out.
 """
 
@@ -15,10 +15,10 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import still
-from rsvideo.restoration import blind, deblur, strips
-from rsvideo.restoration.blind import Settings, View
-from rsvideo.restoration.kernel import FULL, SIZES, KernelSettings, border_share, fitted
-from rsvideo.restoration.motion import Scene
+from rsvideo.restoration import nonblind, psf_fit, single_frame
+from rsvideo.restoration.blind_kernel import FULL, SIZES, KernelSettings, border_share, fitted
+from rsvideo.restoration.single_frame import Settings, View
+from rsvideo.restoration.sparsity import Scene
 
 KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be told more sharply than a strip's
     ridge=0.002, sparsity=1.0, last_sparsity=0.3, finest_steps=10, floor=0.02, piece=0.1, border=True
@@ -33,7 +33,7 @@ def restored(frame: Frame, timing: ShutterTiming, settings: Settings, *, timing_
     verdict, kernel = _looked_at(scene)
     if verdict is Verdict.RESTORED:
         if border_share(kernel) >= FULL and SIZES[1:]:
-            kernel = fitted(blind.windowed(scene, blind.WINDOW_COLS).frame, SIZES[1:], KERNELS)
+            kernel = fitted(single_frame.windowed(scene, single_frame.WINDOW_COLS).frame, SIZES[1:], KERNELS)
         psfs = kernel[None, None]
         latent = deconvolved(view.frame.pixels, view.frame.clipped, psfs[0, 0], settings, view.noise)
     return finished(frame, timing, timing_source, latent, psfs, verdict, started)
@@ -42,10 +42,10 @@ def restored(frame: Frame, timing: ShutterTiming, settings: Settings, *, timing_
 def seen(frame: Frame, timing: ShutterTiming, settings: Settings) -> tuple[View, Scene]:
     """The frame along its scanlines, and its luminance as kernels are estimated from it."""
     rows, cols = frame.pixels.shape[:2]
-    view = blind.along_scanlines(
+    view = single_frame.along_scanlines(
         frame, timing, Intrinsics.centred(focal=float(max(rows, cols)), rows=rows, cols=cols)
     )  # shifts know no lens
-    return view, blind.observed(view.frame, view.timing, view.intrinsics, settings)
+    return view, single_frame.observed(view.frame, view.timing, view.intrinsics, settings)
 
 
 def verdict_before(scene: Scene) -> Verdict:
@@ -60,9 +60,9 @@ def _looked_at(scene: Scene) -> tuple[Verdict, Float[np.ndarray, "k k"]]:
     """
     if scene.gradient_power < max(1e-7, 8 * scene.noise**2):
         return Verdict.NO_TEXTURE, np.ones((1, 1), np.float32)
-    part = blind.windowed(scene, blind.WINDOW_COLS).frame
+    part = single_frame.windowed(scene, single_frame.WINDOW_COLS).frame
     strips_own, kernel = (fitted(part, SIZES[:1], settings) for settings in (KernelSettings(), KERNELS))
-    sharp = min(strips.length(strips_own), strips.length(kernel)) < blind.SHARP_KERNEL
+    sharp = min(psf_fit.length(strips_own), psf_fit.length(kernel)) < single_frame.SHARP_KERNEL
     return Verdict.SHARP if sharp else Verdict.RESTORED, kernel
 
 
@@ -81,7 +81,7 @@ def deconvolved(
     def everywhere(_: Tile) -> tuple[np.ndarray, np.ndarray]:
         return np.broadcast_to(offsets, (*shape, 2)), np.broadcast_to(weights, shape)
 
-    return solved(deblur.tiled_from(tiles.split(cols, 1, 0), everywhere, pixels, clipped), settings, noise)
+    return solved(nonblind.tiled_from(tiles.split(cols, 1, 0), everywhere, pixels, clipped), settings, noise)
 
 
 def samples(kernel: Float[np.ndarray, "k k"]) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
@@ -91,9 +91,9 @@ def samples(kernel: Float[np.ndarray, "k k"]) -> tuple[Float[np.ndarray, "n 2"],
     return np.stack([half - x, half - y], axis=-1).astype(float), kernel[y, x].astype(float)
 
 
-def solved(blurred: deblur.TiledFrame, settings: Settings, noise: float) -> Float[np.ndarray, "rows cols channels"]:
+def solved(blurred: nonblind.TiledFrame, settings: Settings, noise: float) -> Float[np.ndarray, "rows cols channels"]:
     """The latent image as `blind.restore` solves for it."""
-    *_, latent = deblur.deblur(blurred, prior=settings.prior, mu=settings.mu_final if settings.prior == "tv" else 5e-4, noise=noise)
+    *_, latent = nonblind.deblur(blurred, prior=settings.prior, mu=settings.mu_final if settings.prior == "tv" else 5e-4, noise=noise)
     return latent
 
 

@@ -10,7 +10,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.pipeline import chunk, clip, clip_job, process
+from rsvideo.pipeline import chunk, clip, clip_job, processes
 from rsvideo.pipeline.chunk import Chunk, ChunkRecord
 from rsvideo.pipeline.clip_job import ClipJob, ClipTask
 
@@ -94,7 +94,7 @@ class Crew:
         self._busy: dict[_Worker, Order] = {}
 
     def _hired(self) -> _Worker:
-        connection, born = process.started(_serve, threads=self._threads, quiet=self._quiet)
+        connection, born = processes.started(_serve, threads=self._threads, quiet=self._quiet)
         return _Worker(process=born, connection=connection)
 
     @property
@@ -143,7 +143,7 @@ class Crew:
 @contextlib.contextmanager
 def crew(*, most: int, quiet: bool) -> Iterator[Crew]:
     """A crew that is dismissed at the end; the cores are shared out among its workers."""
-    crew = Crew(most=most, threads=process.threads(most), quiet=quiet)
+    crew = Crew(most=most, threads=processes.threads(most), quiet=quiet)
     try:
         yield crew
     finally:
@@ -152,7 +152,7 @@ def crew(*, most: int, quiet: bool) -> Iterator[Crew]:
 
 def _death(worker: _Worker) -> Failed:
     worker.connection.close()
-    return Failed(words=f"a worker process {process.death(worker.process)}", again=True)
+    return Failed(words=f"a worker process {processes.death(worker.process)}", again=True)
 
 
 def _serve(orders: Connection) -> None:

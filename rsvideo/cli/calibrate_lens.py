@@ -52,10 +52,10 @@ def lens(
         from calibration import residuals, views
         from calibration.board import parse
         from rsvideo.cli import quiet
-        from rsvideo.config.camera import CameraProfile, Mode
         from rsvideo.config.files import write_whole
         from rsvideo.config.quantity import hand_held, seconds
         from rsvideo.report.plots import FORMATS
+        from rsvideo.shooting.camera_profile import CameraProfile, Mode
 
         target = parse(board)
         rolling = None if readout is None else hand_held("readout", seconds("readout", readout), zero=True)
@@ -109,8 +109,9 @@ def lens(
 def _taken(sources: list[Path], target: Any, rolling: float | None) -> "tuple[Taken, dict[str, Path], float | None, str | None]":
     """The views, the files they are in, and the clip's rate and the camera's name where these are known."""
     from calibration import views
-    from rsvideo.cli.ending import RefusedError
-    from rsvideo.video import decode, metadata, still
+    from rsvideo.cli.exit_codes import RefusedError
+    from rsvideo.stills import still
+    from rsvideo.video import decode, metadata
 
     clips = [path for path in sources if views.is_clip(path)]
     if clips and len(sources) > 1:

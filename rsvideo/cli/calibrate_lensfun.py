@@ -23,8 +23,8 @@ def lensfun(
     with refusing():
         from calibration import lensfun as database
         from calibration.profile import merged
-        from rsvideo.cli.ending import RefusedError
-        from rsvideo.config.camera import CameraProfile, Mode
+        from rsvideo.cli.exit_codes import RefusedError
+        from rsvideo.shooting.camera_profile import CameraProfile, Mode
 
         if not (sides := re.fullmatch(r"(\d{1,6})x(\d{1,6})", size)):
             raise RefusedError(f"--size must be columns x rows such as 1920x1080, got {size[:40]!r}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 if TYPE_CHECKING:
-    from rsvideo.config.camera import CameraProfile
+    from rsvideo.shooting.camera_profile import CameraProfile
 
 Output = Annotated[Path | None, Option("-o", "--output", metavar="PROFILE", help="Write the profile here (.yaml); else it is printed.")]
 Add = Annotated[bool, Option("--add", help="Keep what PROFILE already says of other things.")]
@@ -24,7 +24,7 @@ def named(*names: "str | Path | None") -> str:
 
 def may_write(path: Path, kinds: tuple[str, ...], *, overwrite: bool) -> str:
     """The kind that a file's ending names, if it may be written."""
-    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError
 
     kind = path.suffix.lower().removeprefix(".")
     if kinds and kind not in kinds:
@@ -38,8 +38,8 @@ def may_write(path: Path, kinds: tuple[str, ...], *, overwrite: bool) -> str:
 
 def earlier(output: Path | None, *, add: bool, overwrite: bool) -> "CameraProfile | None":
     """The profile that is added to, if there is one."""
-    from rsvideo.cli.ending import RefusedError
-    from rsvideo.config import profile
+    from rsvideo.cli.exit_codes import RefusedError
+    from rsvideo.shooting import profiles
 
     if output is None:
         if add:
@@ -47,13 +47,13 @@ def earlier(output: Path | None, *, add: bool, overwrite: bool) -> "CameraProfil
         return None
     exists = output.exists() and add
     may_write(output, ("yaml", "yml"), overwrite=overwrite or exists)
-    return profile.read(output) if exists else None
+    return profiles.read(output) if exists else None
 
 
 def finish(profile: "CameraProfile", output: Path | None, *, printed: bool = True) -> None:
     """Write or print a profile, and say what to do with it."""
     from rsvideo.config.files import write_whole
-    from rsvideo.config.profile import encode
+    from rsvideo.shooting.profiles import encode
 
     data, _ = encode(profile)
     if output is not None:

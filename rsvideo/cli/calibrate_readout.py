@@ -38,7 +38,7 @@ def readout(
 
     Best is an LED that flickers at a known 500 to 1000 Hz, close to a white wall or the lens, filmed with a short exposure.
     """
-    from rsvideo.cli import ending
+    from rsvideo.cli import exit_codes
 
     with refusing():
         from calibration import profile as parts
@@ -46,9 +46,9 @@ def readout(
         from calibration.bands import CannotTellError
         from rsvideo.cli import quiet
         from rsvideo.cli.calibrate_readout_ways import way
-        from rsvideo.config.camera import CameraProfile, Clock, Measured, Mode
         from rsvideo.config.quantity import frame_rate
         from rsvideo.physics.shutter import Direction
+        from rsvideo.shooting.camera_profile import CameraProfile, Clock, Measured, Mode
 
         before = earlier(output, add=add, overwrite=overwrite)
         find = way(source, flicker, from_clip, from_table, scanlines_total, wanted=from_frame_rate)
@@ -57,7 +57,7 @@ def readout(
                 found = find(None if rate is None else frame_rate(rate), Direction(direction) if direction else None, frames)
         except CannotTellError as error:
             say(f"cannot tell the readout: {error}")
-            raise typer.Exit(ending.Code.FAILED) from error
+            raise typer.Exit(exit_codes.Code.FAILED) from error
         asked = Direction(direction) if direction else None
         notes = list(found.notes)
         if found.direction is None and asked is None:

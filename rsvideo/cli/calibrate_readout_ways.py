@@ -207,8 +207,8 @@ def _from_frame_rate(path: Path, total: int | None, rate: Fraction | None, direc
 
 
 def _from_table(camera: str, mode: str) -> Answer:
-    from rsvideo.config import readout as table
     from rsvideo.config.yaml import meant
+    from rsvideo.shooting import readout_table as table
 
     match = _MODE.fullmatch(mode.strip())
     if not match or not int(match[2]):

@@ -32,10 +32,10 @@ def response(
         from calibration import response as fitting
         from calibration import views
         from rsvideo.cli import quiet
-        from rsvideo.cli.ending import RefusedError
-        from rsvideo.config.camera import CameraProfile, Mode
+        from rsvideo.cli.exit_codes import RefusedError
         from rsvideo.config.quantity import seconds
-        from rsvideo.video import still
+        from rsvideo.shooting.camera_profile import CameraProfile, Mode
+        from rsvideo.stills import still
 
         before = earlier(output, add=add, overwrite=overwrite)
         given = [seconds("exposures", text) for text in exposures.split(",")] if exposures else None

@@ -30,12 +30,12 @@ def show(
     """Draw a profile on one page: lens, timing, tone curve and noise."""
     with refusing():
         from calibration import page
-        from rsvideo.config import profile
         from rsvideo.config.files import write_whole
         from rsvideo.report.plots import FORMATS
+        from rsvideo.shooting import profiles
 
         kind = may_write(output, FORMATS, overwrite=overwrite)
-        write_whole({output: page.draw(profile.find(camera), kind)})
+        write_whole({output: page.draw(profiles.find(camera), kind)})
     say(f"drawn: {output}")
 
 
@@ -47,10 +47,10 @@ def convert(
 ) -> None:
     """Write a profile as Gyroflow, OpenCV, kalibr or ROS read it, or theirs as ours."""
     with refusing():
-        from rsvideo.config import profile
         from rsvideo.config.files import write_whole
+        from rsvideo.shooting import profiles
 
-        data, notes = profile.encode(profile.find(camera), to.value)
+        data, notes = profiles.encode(profiles.find(camera), to.value)
         if output is None:
             sys.stdout.write(data.decode())
         else:
@@ -64,6 +64,6 @@ def convert(
 
 def schema() -> None:
     """Print the JSON Schema of a profile, by which editors complete and check it."""
-    from rsvideo.config.camera import CameraProfile
+    from rsvideo.shooting.camera_profile import CameraProfile
 
     print_json(CameraProfile.model_json_schema())

@@ -15,7 +15,7 @@ from rsvideo.cli.validate import Sets, refusing
 from rsvideo.config.method import GyroFile, Method
 
 if TYPE_CHECKING:
-    from rsvideo.pipeline.attempt import Attempt
+    from rsvideo.comparison.method_run import Attempt
     from rsvideo.pipeline.clip_job import ClipJob
     from rsvideo.pipeline.job import Job
     from rsvideo.report.comparison import Comparison
@@ -231,8 +231,8 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, *, jobs: 
     """A page for each input; and an index of them all, with a `title`."""
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import bar
+    from rsvideo.comparison import compare as look
     from rsvideo.config.files import write_whole
-    from rsvideo.pipeline import compare as look
     from rsvideo.report import page
 
     with quiet.c_libraries():
@@ -270,10 +270,10 @@ def _numbers(output: Path, comparisons: "Sequence[Comparison]") -> dict[Path, by
 
 def _carried_out(work: _Work, show: Show, *, jobs: int, resume: bool) -> "tuple[Comparison, list[Attempt]]":
     from rsvideo.cli import quiet
-    from rsvideo.pipeline import attempt, compare
+    from rsvideo.comparison import compare, method_run
 
-    orders = [attempt.Order(job=job) for job in work.jobs]
-    attempts = attempt.all_of(orders, most=jobs, resume=resume, quiet=quiet.wanted(), show=lambda stage, done: show(stage, 0.9 * done))
+    orders = [method_run.Order(job=job) for job in work.jobs]
+    attempts = method_run.all_of(orders, most=jobs, resume=resume, quiet=quiet.wanted(), show=lambda stage, done: show(stage, 0.9 * done))
     seen = compare.compared(
         work.jobs[0], attempts, truth=work.truth, crops=work.crops, show=lambda stage, done: show(stage, 0.9 + 0.1 * done)
     )
@@ -334,7 +334,7 @@ def _note(attempts: "Sequence[Attempt]") -> None:
 
 
 def _code(attempts: "Sequence[Attempt]") -> int:
-    from rsvideo.cli.ending import Code
+    from rsvideo.cli.exit_codes import Code
 
     failed = [attempt for attempt in attempts if attempt.fault is not None]
     if failed and all(attempt.unreadable for attempt in attempts):
@@ -346,10 +346,10 @@ def _table(
     cases: Path, output: Path, kind: "Format", methods: Sequence[Method], results: Path, *, jobs: int, resume: bool, overwrite: bool
 ) -> int:
     from rsvideo.cli import quiet
-    from rsvideo.cli.ending import Code
+    from rsvideo.cli.exit_codes import Code
     from rsvideo.cli.progress import bar
+    from rsvideo.comparison import cases as folder
     from rsvideo.config.files import write_whole
-    from rsvideo.pipeline import cases as folder
     from rsvideo.report import table
 
     found = folder.find(cases)

@@ -65,7 +65,7 @@ def deblur(
         os.environ["NUMBA_NUM_THREADS"] = str(threads)  # read once, when numba is first imported
 
     from rsvideo.cli import in_this_process
-    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError
     from rsvideo.config.files import UnreadableError
 
     try:

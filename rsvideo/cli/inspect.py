@@ -10,9 +10,9 @@ from typer import Option
 from rsvideo.cli.options import Way
 
 if TYPE_CHECKING:
-    from rsvideo.config.said import Said
-    from rsvideo.pipeline.known import KnownClip
-    from rsvideo.restoration.timing import Asked
+    from rsvideo.pipeline.clip_facts import KnownClip
+    from rsvideo.shooting.fact import Fact
+    from rsvideo.shooting.timing import Asked
 
 Line = tuple[str, str, str]  # what, its value, who said so
 _WIDTH = 160  # where the output is no terminal, whose width is not known
@@ -42,12 +42,12 @@ def inspect(
     Sources of the timing, first hit wins: options, the clip's metadata, --camera, the public table of readout times, the frame rate.
     """
     from rsvideo.cli import quiet
-    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError
     from rsvideo.config.files import UnreadableError
     from rsvideo.config.quantity import frame_rate, seconds
     from rsvideo.physics.shutter import Direction
-    from rsvideo.pipeline.known import gather
-    from rsvideo.restoration.timing import Asked
+    from rsvideo.pipeline.clip_facts import gather
+    from rsvideo.shooting.timing import Asked
 
     try:
         asked = Asked(
@@ -75,7 +75,7 @@ def inspect(
 def _told(clip: "KnownClip", asked: "Asked") -> dict[str, Any]:
     """All facts, under the names of the JSON output."""
     from rsvideo.physics.shutter import Direction
-    from rsvideo.restoration.timing import direction_of, exposure_of, readout_of
+    from rsvideo.shooting.timing import direction_of, exposure_of, readout_of
 
     stream, facts = clip.stream, clip.facts
     exposure, notes = exposure_of(asked, clip.shutter)
@@ -128,7 +128,7 @@ def _told(clip: "KnownClip", asked: "Asked") -> dict[str, Any]:
     }
 
 
-def _said(said: "Said[Any] | None") -> dict[str, Any] | None:
+def _said(said: "Fact[Any] | None") -> dict[str, Any] | None:
     if said is None:
         return None
     return {"value": said.value, "source": said.source, **({"within": list(said.within)} if said.within else {})}

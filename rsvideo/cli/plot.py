@@ -14,7 +14,7 @@ def plot(
     overwrite: Annotated[bool, Option("--overwrite", help="Replace FIG.")] = False,
 ) -> None:
     """Draw the trajectory over time, and the blur it makes across the frame."""
-    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError
     from rsvideo.config import sidecar
     from rsvideo.config.files import write_whole
     from rsvideo.report import plots

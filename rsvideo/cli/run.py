@@ -61,7 +61,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
     from rsvideo.batch import plan, workers
     from rsvideo.batch.run import carry_out
     from rsvideo.cli import batch_progress, quiet
-    from rsvideo.cli.ending import Code, Stopped
+    from rsvideo.cli.exit_codes import Code, Stopped
 
     with refusing(), quiet.c_libraries():
         clips = plan.settled(batch, book.ours)
@@ -91,7 +91,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
 
 
 def _code(results: "Sequence[Result]", most_failed_frames: int) -> int:
-    from rsvideo.cli.ending import Code
+    from rsvideo.cli.exit_codes import Code
 
     if faults := [result for result in results if result.fault is not None]:
         return Code.UNREADABLE if all(fault.unreadable for fault in faults) else Code.FAILED
@@ -101,7 +101,7 @@ def _code(results: "Sequence[Result]", most_failed_frames: int) -> int:
 @contextlib.contextmanager
 def _made(folder: Path) -> Iterator[None]:
     """The folder of the results; it goes again if nothing came of it."""
-    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError
 
     there = folder.is_dir()
     try:
@@ -121,7 +121,7 @@ def _print_plan(batch: "Batch", ours: Callable[[str], bool], *, json: bool) -> i
     from rsvideo.batch import plan
     from rsvideo.cli import quiet
     from rsvideo.cli.batch_progress import span
-    from rsvideo.cli.ending import Code
+    from rsvideo.cli.exit_codes import Code
 
     with refusing(), quiet.c_libraries():
         clips = plan.settled(batch, ours)

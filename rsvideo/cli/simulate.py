@@ -59,16 +59,16 @@ def simulate(
 
     import numpy as np
 
-    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError
     from rsvideo.cli.progress import bar
-    from rsvideo.config import cases
     from rsvideo.config.files import UnreadableError, write_whole
     from rsvideo.config.quantity import hand_held, seconds
     from rsvideo.physics.shutter import Direction
     from rsvideo.physics.simulate import Noise, extent, render
     from rsvideo.physics.staging import stage
     from rsvideo.physics.tone import Transfer
-    from rsvideo.video import still
+    from rsvideo.pipeline import simulated_case
+    from rsvideo.stills import still
 
     truth = truth or output.with_name("truth" + output.suffix)
     files = [output, truth, output.with_name("motion.csv"), output.with_name("case.json")]
@@ -126,7 +126,7 @@ def simulate(
         "rsvideo": version("rsvideo"),
     }
     pictures = [still.encode(photo, light, kind)[0] for light, kind in zip((rendering.blurred, rendering.truth), kinds, strict=True)]
-    write_whole(dict(zip(files, [*pictures, cases.motion_csv(staged), cases.case_json(staged, case)], strict=True)))
+    write_whole(dict(zip(files, [*pictures, simulated_case.motion_csv(staged), simulated_case.case_json(staged, case)], strict=True)))
     reach = extent(camera=camera, timing=timing, trajectory=curve)
     print(f"rsvideo: rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {output}", file=sys.stderr)
 

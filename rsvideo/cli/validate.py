@@ -41,7 +41,7 @@ def schema() -> None:
 @contextlib.contextmanager
 def refusing() -> Iterator[None]:
     """Every fault of a request becomes one line, and the exit code of a wrong request."""
-    from rsvideo.cli.ending import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError
     from rsvideo.config.files import UnreadableError
     from rsvideo.config.yaml import ConfigError
 

@@ -1,1 +1,1 @@
-"""What stands in files beside the pictures: sidecars, recorded motion, and how files are read and written."""
+"""How requests, sidecars and quantities are written, and how files are read and written."""

@@ -14,16 +14,16 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel
 
-from rsvideo.config import motion as motion_file
 from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.config.method import Method
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.pipeline import methods, output
 from rsvideo.pipeline.clip_job import ClipTask
-from rsvideo.restoration.clip import Movement
+from rsvideo.restoration.multi_frame import Movement
+from rsvideo.shooting import known_motion as motion_file
 from rsvideo.video import colour, cuts, decode, planes, vidstab
-from rsvideo.video.clip import Picture
+from rsvideo.video.stream import Picture
 
 LONGEST = 32  # frames of a chunk, and fewer of large pictures:
 MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded

@@ -12,18 +12,18 @@ from pathlib import Path
 
 import numpy as np
 
-from rsvideo.config import gcsv, sidecar
+from rsvideo.config import sidecar
 from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Verdict
-from rsvideo.pipeline import log
+from rsvideo.pipeline import motion_log, stabilisation
 from rsvideo.pipeline.chunk import ChunkRecord, chunks, told, work
 from rsvideo.pipeline.clip_job import ClipTask
-from rsvideo.restoration import steady
+from rsvideo.shooting import gcsv
 from rsvideo.video import colour, planes
-from rsvideo.video.clip import Picture, Stream
 from rsvideo.video.encode import Writer
+from rsvideo.video.stream import Picture, Stream
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,7 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     )
     enlargement = 1.0
     if task.job.path == "smooth":
-        turns, enlargement = steady.corrections(steps, float(stream.rate), camera)
+        turns, enlargement = stabilisation.corrections(steps, float(stream.rate), camera)
         pictures = (_turned(task, p, turn, enlargement) for p, turn in zip(pictures, turns, strict=True))
     if task.job.side_by_side:
         even = stream.cols - stream.cols % 2  # so that chroma samples stay with their pixels
@@ -66,7 +66,7 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
             writer.write(picture)
     notes = writer.notes
     files = {task.job.record: sidecar.encoded(str(task.job.source), _settings(task), told(records, folder))}
-    parts = log.parts(told(records, folder), float(stream.rate), task.timing, camera)
+    parts = motion_log.parts(told(records, folder), float(stream.rate), task.timing, camera)
     if task.job.method is not Method.NONE and (first := next(parts, None)):
         files[task.job.log] = gcsv.encoded(chain([first], parts), timing=task.timing, video=task.job.output.name, model="rsvideo")
     write_whole(files)
@@ -110,7 +110,7 @@ def carry_out(task: ClipTask, observe: Callable[[str, float], None]) -> Outcome:
 
 def _turned(task: ClipTask, picture: Picture, turn: np.ndarray, enlargement: float) -> Picture:
     pixels = colour.light(picture, task.stream.colour)[0]
-    return colour.codes(steady.shown(pixels, turn, enlargement, task.camera.intrinsics), picture, task.stream.colour)
+    return colour.codes(stabilisation.shown(pixels, turn, enlargement, task.camera.intrinsics), picture, task.stream.colour)
 
 
 def _beside(before: Picture, after: Picture, cols: int) -> Picture:

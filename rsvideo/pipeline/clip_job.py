@@ -15,14 +15,14 @@ from rsvideo.frame import Frame
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
-from rsvideo.pipeline import known, output, recorded
+from rsvideo.pipeline import clip_facts, gyro_alignment, output
+from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.pipeline.recorded import Gyro
-from rsvideo.restoration import timing
-from rsvideo.restoration.blind import Settings
+from rsvideo.restoration.single_frame import Settings
+from rsvideo.shooting import timing
 from rsvideo.video import colour, decode, vidstab
-from rsvideo.video.clip import Picture, Stream
 from rsvideo.video.encoding import Encoding, chosen
+from rsvideo.video.stream import Picture, Stream
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
@@ -159,7 +159,7 @@ class ClipTask:
 def prepare(job: ClipJob) -> ClipTask:
     """Probe the clip and settle timing, camera and encoding; raises ValueError, UnreadableError or FileExistsError."""
     output.check(job.source, (job.output, job.record, job.log), overwrite=job.overwrite)
-    clip = known.gather(job.source, camera=job.camera, rate=job.pictures_a_second, on_damage=job.on_damage)
+    clip = clip_facts.gather(job.source, camera=job.camera, rate=job.pictures_a_second, on_damage=job.on_damage)
     stream = clip.stream
     if min(stream.rows, stream.cols) < SMALLEST:
         raise UnreadableError(f"{job.source} must be at least {SMALLEST} x {SMALLEST} px, it is {stream.cols} x {stream.rows}")
@@ -219,7 +219,7 @@ def span(job: ClipJob, stream: Stream) -> tuple[int, int]:
     return first, last
 
 
-def _camera(job: ClipJob, clip: known.KnownClip) -> sidecar.Camera:
+def _camera(job: ClipJob, clip: clip_facts.KnownClip) -> sidecar.Camera:
     rows, cols = clip.stream.rows, clip.stream.cols
     if job.focal_px is None and clip.profile and clip.profile.intrinsics:
         return sidecar.Camera.of(clip.profile.intrinsics, clip.profile.profile)
@@ -243,9 +243,9 @@ def _gyro(
     check_gyro(job.gyro, job.method)
     if not job.method.recorded or job.trajectory is not None:
         return None
-    found = recorded.read(job.gyro, job.source, timing)
-    pictures = decode.pictures(stream, first, min(last, first + recorded.LOOKED_AT), on_damage=job.on_damage)
-    placed = recorded.placed(job.gyro, found, (_frame(stream, p) for p in pictures), timing, camera, settings)
+    found = gyro_alignment.read(job.gyro, job.source, timing)
+    pictures = decode.pictures(stream, first, min(last, first + gyro_alignment.LOOKED_AT), on_damage=job.on_damage)
+    placed = gyro_alignment.placed(job.gyro, found, (_frame(stream, p) for p in pictures), timing, camera, settings)
     placed.check_cover((stream.times[first:last] - stream.times[0]) * float(stream.time_base), timing)
     return placed
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rsvideo.config import profile, sidecar
+from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import GyroFile, Method, check_gyro
 from rsvideo.config.quantity import LONGEST, hand_held
@@ -13,8 +13,9 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline import output
-from rsvideo.video import still
-from rsvideo.video.still import Format, Still
+from rsvideo.shooting import profiles
+from rsvideo.stills import still
+from rsvideo.stills.still import Format, Still
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
 _WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
@@ -66,12 +67,12 @@ def prepare(job: Job) -> Task:
     check_gyro(job.gyro, job.method)
     if job.method.recorded and job.trajectory is None and job.gyro.path is None:
         raise ValueError(f"the method {job.method} needs a gyroscope's log of a photograph; give --gyro")
-    known = None if job.camera is None else profile.find(job.camera)
+    known = None if job.camera is None else profiles.find(job.camera)
     timed = known is not None and known.timing is not None
     if (job.readout is not None and job.row_time is not None) or (job.readout is None and job.row_time is None and not timed):
         both = "both were given" if job.readout is not None else "neither was; a phone's or DSLR's video often reads in 10ms to 30ms"
         raise ValueError(f"exactly one of --readout and --row-time must be given, {both}")
-    tone, clip = (job.transfer, None) if job.transfer or not known else profile.response(known)
+    tone, clip = (job.transfer, None) if job.transfer or not known else profiles.response(known)
     photograph = still.read(job.source, tone, clip)
     rows, cols = photograph.pixels.shape[:2]
     if min(rows, cols) < SMALLEST:
@@ -79,7 +80,7 @@ def prepare(job: Job) -> Task:
             f"{job.source} must be at least {SMALLEST} x {SMALLEST} px, it is {cols} x {rows};"
             " so small a picture has nothing to measure motion by"
         )
-    said, told = profile.for_clip(known, rows, cols, None) if known else (None, ())
+    said, told = profiles.for_clip(known, rows, cols, None) if known else (None, ())
     timing, source = _timing(job, photograph, said)
     camera, notes = _camera(job, photograph, said)
     return Task(
@@ -99,7 +100,7 @@ def _check_output(job: Job) -> None:
     output.check(job.source, (job.output, job.record), overwrite=job.overwrite)
 
 
-def _timing(job: Job, photograph: Still, said: profile.Facts | None) -> tuple[ShutterTiming, str]:
+def _timing(job: Job, photograph: Still, said: profiles.Facts | None) -> tuple[ShutterTiming, str]:
     exposure = photograph.shot.exposure if job.exposure is None else job.exposure
     if exposure is None:
         raise ValueError(f"exposure must be given, {job.source} does not say it in EXIF; 1/50, 20ms and 0.02 are times")
@@ -124,7 +125,7 @@ def _timing(job: Job, photograph: Still, said: profile.Facts | None) -> tuple[Sh
     return timing, opened if opened == whence else f"exposure {opened}, readout {whence}"
 
 
-def _camera(job: Job, photograph: Still, said: profile.Facts | None) -> tuple[sidecar.Camera, tuple[str, ...]]:
+def _camera(job: Job, photograph: Still, said: profiles.Facts | None) -> tuple[sidecar.Camera, tuple[str, ...]]:
     rows, cols = photograph.pixels.shape[:2]
     longer = max(rows, cols)
     notes: tuple[str, ...] = ()

@@ -12,11 +12,11 @@ from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory, still
-from rsvideo.pipeline.recorded import Gyro
-from rsvideo.restoration import blind, clip
-from rsvideo.restoration.blind import Iterate, Settings
-from rsvideo.restoration.clip import Movement
-from rsvideo.restoration.flow import Flow
+from rsvideo.pipeline.gyro_alignment import Gyro
+from rsvideo.restoration import multi_frame, single_frame
+from rsvideo.restoration.multi_frame import Movement
+from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.single_frame import Iterate, Settings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,7 +40,7 @@ def photograph(asked: Treatment, frame: Frame, trajectory: Trajectory | None, ob
             trajectory = asked.gyro.within(asked.timing, asked.intrinsics)
         if asked.method is Method.GYRO_REFINE and trajectory is not None:
             trajectory, start = None, gyro.first(trajectory)
-        return blind.restore(
+        return single_frame.restore(
             frame,
             asked.timing,
             asked.intrinsics,
@@ -58,18 +58,18 @@ def movement(asked: Treatment, frames: Iterable[Frame], begins: Float[np.ndarray
     if asked.method is Method.GYRO and asked.gyro:
         return asked.gyro.movement(begins, asked.timing, asked.intrinsics)
     if asked.method is Method.GYRO_REFINE and asked.gyro:
-        return asked.gyro.refined(clip.seen(frames, asked.timing, asked.intrinsics, asked.settings, observe))
+        return asked.gyro.refined(multi_frame.seen(frames, asked.timing, asked.intrinsics, asked.settings, observe))
     if asked.method.rectifies:
         return rectify.movement(frames, asked.timing, asked.intrinsics, asked.settings, observe)
     if asked.method is Method.RSVIDEO and asked.settings.frames != "cold":
-        return clip.movement(frames, asked.timing, asked.intrinsics, asked.settings, observe)
-    return clip.unknown(len(begins), 3)
+        return multi_frame.movement(frames, asked.timing, asked.intrinsics, asked.settings, observe)
+    return multi_frame.unknown(len(begins), 3)
 
 
 def run(asked: Treatment, frames: Iterable[Frame], moving: Movement, observe: Callable[[int, float], None]) -> Iterator[FrameResult]:
     """What becomes of successive frames whose motion is `moving`, in order."""
     if asked.method in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
-        yield from clip.restored(
+        yield from multi_frame.restored(
             frames, moving, asked.timing, asked.intrinsics, asked.settings, timing_source=asked.timing_source, observe=observe
         )
         return

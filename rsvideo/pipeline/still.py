@@ -7,15 +7,16 @@ from importlib.metadata import version
 
 import numpy as np
 
-from rsvideo.config import motion, sidecar
+from rsvideo.config import sidecar
 from rsvideo.config.files import write_whole
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.pipeline import methods, output, recorded
+from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.job import Task
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.restoration.blind import Settings
-from rsvideo.video import still
-from rsvideo.video.still import Format
+from rsvideo.restoration.single_frame import Settings
+from rsvideo.shooting import known_motion
+from rsvideo.stills import still
+from rsvideo.stills.still import Format
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,9 +36,9 @@ class Outcome:
 def carry_out(task: Task, observe: Callable[[str, float], None]) -> Outcome:
     """Restore the photograph, with a motion that is given or without, and write it; `observe` is told the stage and the fraction done."""
     job, settings = task.job, Settings(**task.job.steering)
-    trajectory = None if job.trajectory is None else motion.read(job.trajectory, task.timing, task.camera.intrinsics)
+    trajectory = None if job.trajectory is None else known_motion.read(job.trajectory, task.timing, task.camera.intrinsics)
     follows = job.method.recorded and trajectory is None
-    gyro = recorded.of_photograph(job.gyro, job.source, task.timing) if follows else None
+    gyro = gyro_alignment.of_photograph(job.gyro, job.source, task.timing) if follows else None
     asked = Treatment(
         method=task.job.method,
         settings=settings,

@@ -12,7 +12,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.latent import LatentSettings, restore
-from rsvideo.solvers import admm
+from rsvideo.solvers import total_variation
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.gauss_newton import Quadratic, gauss_newton, quadratic
 from rsvideo.solvers.stopping import solve
@@ -72,7 +72,7 @@ def alternate(
             trajectory=moved,
             latent=latent,
             sharp=latent[K.inside],
-            objective=admm.objective(latent, b, mu=mu, blur=after, gradient=Differences()),
+            objective=total_variation.objective(latent, b, mu=mu, blur=after, gradient=Differences()),
             mu=mu,
             change=_distance(theta, moved, intrinsics),
         )

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
 from rsvideo.physics.camera import Intrinsics, homography, projected
-from rsvideo.restoration.deblur import TiledFrame
+from rsvideo.restoration.nonblind import TiledFrame
 
 RIDGE = 0.6  # rho
 FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out

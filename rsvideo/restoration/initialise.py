@@ -12,9 +12,9 @@ from numba import get_num_threads
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import still
-from rsvideo.restoration import kernel as uniform
-from rsvideo.restoration.kernel import SIZES, KernelSettings
-from rsvideo.restoration.strips import Candidate, Strip, fit
+from rsvideo.restoration import blind_kernel as uniform
+from rsvideo.restoration.blind_kernel import SIZES, KernelSettings
+from rsvideo.restoration.psf_fit import Candidate, Strip, fit
 
 STRIPS = 5
 SHARE = 0.36  # of the frame's scanlines that a strip spans; neighbours overlap

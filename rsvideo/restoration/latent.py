@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rsvideo.physics.blur import BlurOperator
-from rsvideo.physics.rowfourier import RowFourier, row_fourier
-from rsvideo.solvers.admm import Split, total_variation
+from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.solvers.banded import BandedHermitian
 from rsvideo.solvers.conjugate_gradient import NormalMatrix, conjugate_gradient
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.stopping import Solution, solve
+from rsvideo.solvers.total_variation import Split, total_variation
 
 
 @dataclass(frozen=True, kw_only=True)

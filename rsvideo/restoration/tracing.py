@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
-from rsvideo.restoration.strips import Strip
+from rsvideo.restoration.psf_fit import Strip
 
 FLOOR = 0.1  # smoothed intensities below this share of the largest are no part of the curve
 MOST_STRIPS = 12  # 2^12 senses are tried in about a second

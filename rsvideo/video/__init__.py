@@ -1,1 +1,1 @@
-"""Pictures as files hold them, read into linear light and written back as they came."""
+"""Clips as files hold them, read into linear light and written back as they came."""

@@ -16,7 +16,7 @@ from numba import njit
 
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Tone
-from rsvideo.video.clip import Colour, Matrix, Picture
+from rsvideo.video.stream import Colour, Matrix, Picture
 
 Light = Float32[np.ndarray, "rows cols channels"]  # 3, or 1 of a grey picture
 

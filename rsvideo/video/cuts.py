@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import cv2
 import numpy as np
 
-from rsvideo.video.clip import Colour, Picture
+from rsvideo.video.stream import Colour, Picture
 
 _THUMB = (32, 18)  # px
 _LEAST = 0.1  # of the range of codes, the mean change of a thumbnail at a cut

@@ -16,10 +16,10 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.stills.codes import MOST_PIXELS
+from rsvideo.stills.ffmpeg import arrays, watched
 from rsvideo.video import container, probing, sequence, tags
-from rsvideo.video.clip import Picture, Stream
-from rsvideo.video.codes import MOST_PIXELS
-from rsvideo.video.ffmpeg import arrays, watched
+from rsvideo.video.stream import Picture, Stream
 
 OnDamage = Literal["fail", "passthrough", "skip"]
 

@@ -20,11 +20,11 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour as tint
 from rsvideo.video import decode, sequence
-from rsvideo.video.clip import Colour, Matrix, Picture, Stream
 from rsvideo.video.encoding import CONTAINERS, ENCODERS, SEQUENCES, Encoding, chosen
-from rsvideo.video.ffmpeg import fill
+from rsvideo.video.stream import Colour, Matrix, Picture, Stream
 from rsvideo.video.timecode import later
 
 _CRF = {"h264": 10.0, "hevc": 11.0}  # about the rate of a camera; 14 loses 0.7 dB of a dark forest at 34 dB

@@ -8,7 +8,7 @@ import av
 
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import sequence
-from rsvideo.video.clip import Colour, Matrix, Stream, planar
+from rsvideo.video.stream import Colour, Matrix, Stream, planar
 
 Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
 

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.quantity import seconds
-from rsvideo.config.said import Said
-from rsvideo.video import exif, telemetry
-from rsvideo.video.clip import Stream
-from rsvideo.video.codes import MOST_BYTES
+from rsvideo.shooting.fact import Fact
+from rsvideo.stills import exif
+from rsvideo.stills.codes import MOST_BYTES
+from rsvideo.video import telemetry
+from rsvideo.video.stream import Stream
 
 _LONGEST = 80  # characters of a tag that are kept
 _STEADY = 0.1  # by which an exposure may vary over a clip without a word
@@ -32,14 +33,14 @@ _TAGS = {  # the last parts of tags' names, without case, blanks and underscores
 class ClipFacts:
     """How a clip was shot; None where it does not say."""
 
-    make: Said[str] | None = None
-    model: Said[str] | None = None
-    exposure: Said[float] | None = None  # seconds; `within` spans the clip's frames
-    readout: Said[float] | None = None  # seconds
-    frame_rate: Said[float] | None = None  # of the recording, which a clip in slow motion is not played at
-    iso: Said[float] | None = None
-    focal_35mm: Said[float] | None = None  # the equivalent on 36 x 24 mm
-    captured: Said[str] | None = None
+    make: Fact[str] | None = None
+    model: Fact[str] | None = None
+    exposure: Fact[float] | None = None  # seconds; `within` spans the clip's frames
+    readout: Fact[float] | None = None  # seconds
+    frame_rate: Fact[float] | None = None  # of the recording, which a clip in slow motion is not played at
+    iso: Fact[float] | None = None
+    focal_35mm: Fact[float] | None = None  # the equivalent on 36 x 24 mm
+    captured: Fact[str] | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -83,16 +84,16 @@ def _of_sequence(path: Path) -> ClipFacts:
         return ClipFacts(notes=(str(error),))
     source = f"EXIF of {path.name}"
     return ClipFacts(
-        model=Said(value=found.camera, source=source) if found.camera else None,
-        exposure=Said(value=found.exposure, source=source) if found.exposure else None,
-        focal_35mm=Said(value=found.focal_35mm, source=source) if found.focal_35mm else None,
+        model=Fact(value=found.camera, source=source) if found.camera else None,
+        exposure=Fact(value=found.exposure, source=source) if found.exposure else None,
+        focal_35mm=Fact(value=found.focal_35mm, source=source) if found.focal_35mm else None,
     )
 
 
 def _of_tags(tags: Mapping[str, str], rate: float) -> ClipFacts:
     exposure = next(_numbers(tags, "exposure", _time), None)
     if exposure is None and (angle := next(_numbers(tags, "angle", _number), None)) and angle.value <= 360:
-        exposure = Said(value=angle.value / 360 / rate, source=angle.source)
+        exposure = Fact(value=angle.value / 360 / rate, source=angle.source)
     return ClipFacts(
         make=next(_words(tags, "make"), None),
         model=next(_words(tags, "model"), None),
@@ -104,20 +105,20 @@ def _of_tags(tags: Mapping[str, str], rate: float) -> ClipFacts:
     )
 
 
-def _words(tags: Mapping[str, str], fact: str) -> Iterator[Said[str]]:
+def _words(tags: Mapping[str, str], fact: str) -> Iterator[Fact[str]]:
     """What tags say of a fact, the best first."""
     for name in _TAGS[fact]:
         for key, value in tags.items():
             parts = re.sub(r"-[a-z]{3}$|[ _]", "", key.lower()).split(".")
             text = value.strip()[:_LONGEST]
             if any("".join(parts[start:]) == name for start in range(len(parts))) and text and text.isprintable():
-                yield Said(value=text, source=f"the clip's tag {key[:_LONGEST]}")
+                yield Fact(value=text, source=f"the clip's tag {key[:_LONGEST]}")
 
 
-def _numbers(tags: Mapping[str, str], fact: str, number: Callable[[str], float]) -> Iterator[Said[float]]:
+def _numbers(tags: Mapping[str, str], fact: str, number: Callable[[str], float]) -> Iterator[Fact[float]]:
     for said in _words(tags, fact):
         if 0 < (value := number(said.value)) < math.inf:
-            yield Said(value=value, source=said.source)
+            yield Fact(value=value, source=said.source)
 
 
 def _time(text: str) -> float:
@@ -147,23 +148,23 @@ def _embedded(stream: Stream) -> tuple[ClipFacts, tuple[str, ...]]:
     exposure = None
     if found.exposure is not None:
         least, median, most = found.exposure
-        exposure = Said(value=median, source=source, within=(least, most))
+        exposure = Fact(value=median, source=source, within=(least, most))
         if most > least * (1 + _STEADY):
             notes += (f"exposure varies from {least * 1e3:.3g} to {most * 1e3:.3g} ms over the clip; its median is taken",)
     if found.stabilised:
         notes += ("the camera stabilised the clip itself: its rows no longer stand where and when they were exposed",)
     return ClipFacts(
-        make=Said(value=found.make, source=source) if found.make else None,
-        model=Said(value=found.model, source=source) if found.model else None,
+        make=Fact(value=found.make, source=source) if found.make else None,
+        model=Fact(value=found.model, source=source) if found.model else None,
         exposure=exposure,
-        readout=Said(value=found.readout, source=source) if found.readout else None,
-        iso=Said(value=found.iso, source=source) if found.iso else None,
+        readout=Fact(value=found.readout, source=source) if found.readout else None,
+        iso=Fact(value=found.iso, source=source) if found.iso else None,
     ), notes
 
 
-def _handled(stream: Stream) -> Said[str] | None:
+def _handled(stream: Stream) -> Fact[str] | None:
     """The maker, where only the name of a track gives it away."""
     for track in (stream.tags.get("handler_name", ""), *(track.name for track in stream.tracks)):
         if "gopro" in track.lower():
-            return Said(value="GoPro", source="the name of a track")
+            return Fact(value="GoPro", source="the name of a track")
     return None

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.video.clip import Picture, Stream
+from rsvideo.video.stream import Picture, Stream
 
 _LEVEL = 1  # of deflate: noise hardly shrinks more
 _DATE = (1980, 1, 1, 0, 0, 0)  # the same pictures make the same bytes

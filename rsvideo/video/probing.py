@@ -14,10 +14,10 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.stills.codes import MOST_PIXELS, check_pixels
+from rsvideo.stills.ffmpeg import watched
 from rsvideo.video import container, tags
-from rsvideo.video.clip import Stream, Track
-from rsvideo.video.codes import MOST_PIXELS, check_pixels
-from rsvideo.video.ffmpeg import watched
+from rsvideo.video.stream import Stream, Track
 
 MOST_FRAMES = 20_000_000  # 92 hours at 60 a second
 _CARRIED = {"gpmd"}  # data that writers of MP4 know: GoPro's sensors

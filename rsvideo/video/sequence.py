@@ -16,9 +16,9 @@ import tifffile
 
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics.tone import Transfer
-from rsvideo.video import exr, png, tiff
-from rsvideo.video.clip import Colour, Matrix, Picture, Stream
-from rsvideo.video.codes import MOST_BYTES, Codes, check_pixels
+from rsvideo.stills import exr, png, tiff
+from rsvideo.stills.codes import MOST_BYTES, Codes, check_pixels
+from rsvideo.video.stream import Colour, Matrix, Picture, Stream
 
 _KINDS = {".dng": "dng", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".exr": "exr"}
 _SUFFIX = {"png": ".png", "tiff": ".tiff", "exr": ".exr"}

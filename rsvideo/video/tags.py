@@ -9,7 +9,7 @@ from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
-from rsvideo.video.clip import Colour, Matrix, planar
+from rsvideo.video.stream import Colour, Matrix, planar
 
 _MATRIX = {0: Matrix.RGB, 1: Matrix.BT709, 5: Matrix.BT601, 6: Matrix.BT601, 9: Matrix.BT2020}
 _TRANSFER = {

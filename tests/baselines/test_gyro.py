@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from rsvideo.baselines.gyro import RIGHT_ANGLES, aligned, first, known, movement, refined
-from rsvideo.config import gcsv
 from rsvideo.physics import gyro
 from rsvideo.physics.gyro import GyroLog, camera_from_gyro
 from rsvideo.physics.shutter import Direction
-from rsvideo.restoration import clip
-from rsvideo.restoration.blind import Settings
-from rsvideo.restoration.clip import Movement, Run
+from rsvideo.restoration import multi_frame
+from rsvideo.restoration.multi_frame import Movement, Run
+from rsvideo.restoration.single_frame import Settings
+from rsvideo.shooting import gcsv
 from tests.pipeline.moving import Moving
 
 STEP = 0.004  # s
@@ -30,7 +30,7 @@ def recorded(moving: Moving, axes: str = "XYZ", *, early: float = 0.0, late: flo
 
 
 def seen(moving: Moving, *, blur: bool = False) -> Run:
-    return clip.seen(moving.recorded, moving.timing, moving.camera, Settings(), lambda _: None, blur=blur)
+    return multi_frame.seen(moving.recorded, moving.timing, moving.camera, Settings(), lambda _: None, blur=blur)
 
 
 def off(found: Movement, moving: Moving) -> float:

@@ -12,7 +12,7 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.blind import Settings, along_scanlines
+from rsvideo.restoration.single_frame import Settings, along_scanlines
 from tests.baselines.scenes import cards, frame, path
 
 ROWS, COLS = 128, 160

@@ -10,7 +10,7 @@ from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.simulate import Rendering
 from rsvideo.physics.trajectory import Polynomial, Spline, fit
-from rsvideo.restoration.blind import Settings
+from rsvideo.restoration.single_frame import Settings
 from rsvideo.restoration.tracks import codes, track
 from tests.pipeline.moving import Moving
 

@@ -13,7 +13,7 @@ from rsvideo.baselines.stitch import Block
 from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.blind import Settings
+from rsvideo.restoration.single_frame import Settings
 from tests.baselines.scenes import cards
 
 ROWS, COLS = 144, 112

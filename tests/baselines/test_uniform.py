@@ -12,7 +12,7 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.blind import Settings
+from rsvideo.restoration.single_frame import Settings
 from tests.baselines.scenes import cards, frame, path
 
 ROWS, COLS = 128, 144

@@ -22,8 +22,8 @@ from rsvideo.baselines import uniform
 from rsvideo.frame import Frame
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.blind import Settings
-from rsvideo.restoration.kernel import centre, fitted
+from rsvideo.restoration.blind_kernel import centre, fitted
+from rsvideo.restoration.single_frame import Settings
 
 
 def main() -> None:

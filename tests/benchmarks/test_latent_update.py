@@ -23,16 +23,16 @@ from numba import njit, prange
 from rsvideo.physics import simulate
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.rowfourier import RowFourier, row_fourier
+from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer, decode
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.restoration.alternation import PaperSettings, alternate
 from rsvideo.restoration.latent import LatentSettings, RowBlur, restore_rows
-from rsvideo.solvers.admm import objective, total_variation
 from rsvideo.solvers.conjugate_gradient import NormalMatrix, conjugate_gradient
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.stopping import solve
+from rsvideo.solvers.total_variation import objective, total_variation
 
 ROWS, COLS, MU = 450, 800, 1e-3
 CAMERA = Intrinsics.centred(focal=1000.0, rows=ROWS, cols=COLS)

@@ -14,15 +14,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from rsvideo.config import motion
 from rsvideo.physics import tone
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration import deblur, latent
-from rsvideo.restoration.blind import Settings, luminance
+from rsvideo.restoration import latent, nonblind
+from rsvideo.restoration.single_frame import Settings, luminance
+from rsvideo.shooting import known_motion
 
 MU = 5e-4
 CONVERGED = latent.LatentSettings(steps=40, inner_tolerance=1e-4)
@@ -42,11 +42,11 @@ def gains(case: Path) -> tuple[int, float, float, float]:
     frame, truth = grey(case / "blurred.png"), grey(case / "truth.png")
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])
     camera = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
-    path = motion.read(case / "motion.csv", timing, camera)
+    path = known_motion.read(case / "motion.csv", timing, camera)
     settings = Settings()
     unclipped = np.zeros((*frame.shape, 1), bool)
-    tiles = deblur.tiled(frame[..., None], unclipped, path, camera, timing, samples=settings.samples, tolerance=settings.tolerance)
-    by_tiles = deque(deblur.deblur(tiles, prior="tv", mu=MU, noise=0.003), maxlen=1).pop()[..., 0]
+    tiles = nonblind.tiled(frame[..., None], unclipped, path, camera, timing, samples=settings.samples, tolerance=settings.tolerance)
+    by_tiles = deque(nonblind.deblur(tiles, prior="tv", mu=MU, noise=0.003), maxlen=1).pop()[..., 0]
     K = BlurOperator.covering(path, timing=timing, intrinsics=camera, samples=settings.samples)
     by_gradients = latent.restore(frame, K, mu=MU, settings=CONVERGED)[K.inside]
 

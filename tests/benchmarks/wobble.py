@@ -26,12 +26,13 @@ from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Noise, margin, render
 from rsvideo.physics.trajectory import Spline, Trajectory
-from rsvideo.restoration.blind import Settings, luminance
-from rsvideo.restoration.clip import Movement
-from rsvideo.restoration.flow import Points, flows
-from rsvideo.restoration.path import follow, unexplained, within
+from rsvideo.restoration.camera_path import follow, unexplained, within
+from rsvideo.restoration.multi_frame import Movement
+from rsvideo.restoration.parallax import Points, flows
+from rsvideo.restoration.single_frame import Settings, luminance
 from rsvideo.restoration.tracks import Tracks, codes, track
-from rsvideo.video import colour, still
+from rsvideo.stills import still
+from rsvideo.video import colour
 from rsvideo.video.decode import pictures, probe
 
 FRAMES, RATE = 16, 30

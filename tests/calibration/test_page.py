@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from calibration import page, profile
-from rsvideo.config.camera import CameraProfile
-from rsvideo.config.profile import find, names
 from rsvideo.config.yaml import ConfigError
+from rsvideo.shooting.camera_profile import CameraProfile
+from rsvideo.shooting.profiles import find, names
 
 WHOLE = {
     "name": "$1 camera",

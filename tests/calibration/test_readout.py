@@ -11,7 +11,7 @@ from calibration import flicker
 from calibration.bands import CannotTellError
 from calibration.readout import Bands, combined, measure, profile
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.video import still
+from rsvideo.stills import still
 
 ROWS, COLS, FPS = 240, 48, 29.97
 SINE = flicker.sine(0.2)

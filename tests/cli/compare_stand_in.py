@@ -9,7 +9,7 @@ from rsvideo.config.method import Method
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.pipeline import methods
-from rsvideo.restoration.clip import Movement
+from rsvideo.restoration.multi_frame import Movement
 
 
 def treated(asked, frame):

@@ -9,7 +9,7 @@ import numpy as np
 from rsvideo.cli import main
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.trajectory import still as at_rest
-from rsvideo.restoration import blind
+from rsvideo.restoration import single_frame
 
 
 def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, start, observe) -> FrameResult:
@@ -28,5 +28,5 @@ def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, s
     )
 
 
-blind.restore = restore
+single_frame.restore = restore
 main()

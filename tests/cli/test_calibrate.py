@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from rsvideo.cli import app
-from rsvideo.cli.ending import told
-from rsvideo.config import profile
+from rsvideo.cli.exit_codes import told
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
+from rsvideo.shooting import profiles
 from tests.cli.conftest import Run
 
 BOARD = "chessboard:6x5:25mm"
@@ -79,7 +79,7 @@ def test_a_person_measures_their_camera_and_gets_one_profile(rsvideo: Run, views
     assert done.stdout == ""
     assert "not used: empty.png: the board was not found" in done.stderr
     assert figure.read_bytes().startswith(b"\x89PNG")
-    lens = profile.find(str(mine)).intrinsics
+    lens = profiles.find(str(mine)).intrinsics
     assert lens is not None
     assert lens.fx.value == pytest.approx(FOCAL, rel=0.01)
     assert lens.fx.std is not None
@@ -88,7 +88,7 @@ def test_a_person_measures_their_camera_and_gets_one_profile(rsvideo: Run, views
     assert set(lens.found.files) == {f"{n}.png" for n in range(9)}
     done = rsvideo("calibrate", "response", *bracket, "--exposures", "1/500,1/250,1/125,1/60,1/30", "-o", mine, "--add")
     assert done.returncode == 0, done.stderr
-    both = profile.find(str(mine))
+    both = profiles.find(str(mine))
     assert (both.name, both.intrinsics) == ("Mine", lens)
     assert both.tone is not None
     assert both.tone.transfer is Transfer.BT709
@@ -108,7 +108,7 @@ def test_without_an_output_the_profile_is_printed(rsvideo: Run, views: Path, tmp
     assert done.returncode == 0
     path = tmp_path / "printed.yaml"
     path.write_text(done.stdout)
-    assert profile.find(str(path)).intrinsics is not None
+    assert profiles.find(str(path)).intrinsics is not None
     facts = json.loads(rsvideo("calibrate", "lens", views, "--board", BOARD, "--json").stdout)
     assert [one["name"] for one in facts["refused"]] == ["empty.png"]
     assert len(facts["views"]) == 9
@@ -125,7 +125,7 @@ def test_other_programs_profiles_serve_as_cameras(tmp_path: Path, to: str) -> No
     theirs = tmp_path / ("theirs.json" if to == "gyroflow" else "theirs.yaml")
     words = ["calibrate", "convert", "iphone_17_pro_wide_2160p24", "--to", to, "-o", str(theirs)]
     assert CliRunner().invoke(app, words).exit_code == 0
-    lens = profile.find(str(theirs)).intrinsics
+    lens = profiles.find(str(theirs)).intrinsics
     assert lens is not None
     assert lens.fx.value == 2839.4
     refused(4, "exists already", *words[1:])

@@ -16,12 +16,12 @@ from typer.testing import CliRunner
 
 from calibration import flicker
 from rsvideo.cli import app
-from rsvideo.cli.ending import told
-from rsvideo.config import profile
+from rsvideo.cli.exit_codes import told
 from rsvideo.physics import gyro, shake, simulate, tone
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
+from rsvideo.shooting import profiles
 
 ROWS, COLS, FPS = 240, 320, Fraction(30000, 1001)
 
@@ -99,7 +99,7 @@ def test_a_clip_under_a_flickering_light_becomes_a_profile_with_std_method_day_a
     assert code == 0
     assert facts["readout_s"] == pytest.approx(0.018, rel=0.002)
     assert facts["row_time_s"] == pytest.approx(facts["readout_s"] / ROWS)
-    written = profile.find(str(output))
+    written = profiles.find(str(output))
     assert (written.camera, written.mode.rows, written.mode.cols, written.mode.fps) == ("Me Mine", ROWS, COLS, 29.97)
     clock = written.timing
     assert clock is not None
@@ -193,7 +193,7 @@ def test_a_profile_is_added_to_and_never_replaced_unasked(bands: Path, tmp_path:
     words = (bands, "--from-frame-rate", "--scanlines-total", 300, "-o", output)
     refused(4, "exists already", *words)
     assert ran(*words, "--add")[0] == 0
-    both = profile.find(str(output))
+    both = profiles.find(str(output))
     assert both.intrinsics is not None
     assert both.timing is not None
     assert both.name == "Mine"

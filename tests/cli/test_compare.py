@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from rsvideo.cli import app, asked, ending
+from rsvideo.cli import app, asked, exit_codes
+from rsvideo.comparison import method_run
 from rsvideo.config.method import Method
-from rsvideo.pipeline import attempt
 from tests.pipeline.moving import Moving, encode, planes
 
 CLIP = Moving(frames=3, rows=64, cols=96, reach=6.0)
@@ -52,19 +52,19 @@ def refused(*words: object) -> tuple[int, str]:
     """The exit code and the line of a request that comes to nothing."""
     with pytest.raises(Exception) as error:  # noqa: PT011 # what it is told as is looked at by the tests
         app(["compare", *map(str, words)], standalone_mode=False)
-    return ending.told(error.value)
+    return exit_codes.told(error.value)
 
 
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Methods run here, one after the other: starting processes takes longer than what they do."""
 
-    def attempts(orders, *, most, quiet, show) -> Iterator[attempt.Attempt]:
+    def attempts(orders, *, most, quiet, show) -> Iterator[method_run.Attempt]:
         for order in orders:
             order.job.output.parent.mkdir(parents=True, exist_ok=True)
-            yield attempt.carried_out(order, show)
+            yield method_run.carried_out(order, show)
 
-    monkeypatch.setattr(attempt, "attempts", attempts)
+    monkeypatch.setattr(method_run, "attempts", attempts)
 
 
 def test_each_method_stands_in_the_report_and_a_failing_one_fails_alone(clip: Path, tmp_path: Path) -> None:
@@ -92,17 +92,17 @@ def test_each_method_stands_in_the_report_and_a_failing_one_fails_alone(clip: Pa
 
 
 def test_what_was_done_is_taken_over_unless_the_request_has_changed(clip: Path, tmp_path: Path) -> None:
-    def order(**said) -> attempt.Order:
+    def order(**said) -> method_run.Order:
         words = {"method": Method.NONE, "exposure": "1/50", "readout": "20ms", **said}
-        return attempt.Order(job=asked.job(clip, tmp_path / "none" / "clip.mp4", words))
+        return method_run.Order(job=asked.job(clip, tmp_path / "none" / "clip.mp4", words))
 
-    (made,) = attempt.all_of([order()], show=lambda *_: None)
+    (made,) = method_run.all_of([order()], show=lambda *_: None)
     assert made.fault is None
-    taken = attempt.kept(order())
+    taken = method_run.kept(order())
     assert taken == made
-    assert attempt.kept(order(readout="10ms")) is None
+    assert method_run.kept(order(readout="10ms")) is None
     made.output.unlink()
-    assert attempt.kept(order()) is None
+    assert method_run.kept(order()) is None
 
 
 @pytest.mark.usefixtures("in_this_process")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import typer
 
-from rsvideo.cli import ending
+from rsvideo.cli import exit_codes
 from rsvideo.cli.simulate import simulate
 
 VERB = typer.Typer()
@@ -31,7 +31,7 @@ def refused(code, *words):
     """The line that the front door tells, without a second process."""
     with pytest.raises(Exception) as caught:  # noqa: PT011 # which one is between the verb and the front door
         VERB([*map(str, words)], standalone_mode=False)
-    told, line = ending.told(caught.value)
+    told, line = exit_codes.told(caught.value)
     assert told == code, line
     assert "Traceback" not in line
     return line

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsvideo.physics.rowfourier import RowFourier, row_fourier
+from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.solvers.banded import BandedHermitian
 
 ROWS, COLS, SAMPLES = 11, 23, 5

@@ -13,7 +13,6 @@ from av.audio.frame import AudioFrame
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from rsvideo.config.motion import COLUMNS
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro, tone
 from rsvideo.physics.camera import Intrinsics
@@ -21,9 +20,10 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Noise, Rendering, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline, Trajectory, fit
+from rsvideo.shooting.known_motion import COLUMNS
+from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour, decode
-from rsvideo.video.clip import Colour, Matrix, Picture
-from rsvideo.video.ffmpeg import fill
+from rsvideo.video.stream import Colour, Matrix, Picture
 
 RATE = 24
 GREY = Colour(

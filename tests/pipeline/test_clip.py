@@ -16,7 +16,7 @@ from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, ChunkRecord, chunks,
 from rsvideo.pipeline.clip import Outcome, finish
 from rsvideo.pipeline.clip_job import ClipJob, ClipTask, prepare
 from rsvideo.video import decode, vidstab
-from rsvideo.video.clip import Stream
+from rsvideo.video.stream import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets
 

@@ -9,10 +9,10 @@ import pytest
 
 from rsvideo.config.method import GyroFile, Method
 from rsvideo.frame import Verdict
-from rsvideo.pipeline import methods, output, recorded
+from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.blind import Settings, ignore
+from rsvideo.restoration.single_frame import Settings, ignore
 from tests.pipeline.moving import Moving, planes
 
 FRAMES = 4
@@ -27,7 +27,7 @@ def treatment(method: Method, log: Path | None = None) -> Treatment:
     clip, settings, gyro = moving(), Settings(), None
     if log is not None:
         said = GyroFile(path=clip.motion(log))
-        gyro = recorded.placed(said, recorded.read(said, log, clip.timing), clip.recorded, clip.timing, clip.camera, settings)
+        gyro = gyro_alignment.placed(said, gyro_alignment.read(said, log, clip.timing), clip.recorded, clip.timing, clip.camera, settings)
     return Treatment(
         method=method,
         settings=settings,

@@ -9,15 +9,15 @@ import skimage.data
 
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.rowfourier import row_fourier
+from rsvideo.physics.row_fourier import row_fourier
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.restoration.alternation import PaperSettings, alternate, update_motion
 from rsvideo.restoration.latent import LatentSettings, RowBlur, restore, restore_rows
-from rsvideo.solvers.admm import objective, total_variation
 from rsvideo.solvers.conjugate_gradient import NormalMatrix, conjugate_gradient
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.stopping import solve
+from rsvideo.solvers.total_variation import objective, total_variation
 
 ROWS, COLS, MU = 48, 64, 1e-3
 CAMERA = Intrinsics.centred(focal=80.0, rows=ROWS, cols=COLS)

@@ -8,8 +8,8 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
-from rsvideo.restoration.deblur import deblur, tiled
 from rsvideo.restoration.fusion import Seen, fused
+from rsvideo.restoration.nonblind import deblur, tiled
 
 ROWS, COLS = 96, 192
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)

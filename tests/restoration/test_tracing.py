@@ -7,7 +7,7 @@ from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
-from rsvideo.restoration.strips import Strip
+from rsvideo.restoration.psf_fit import Strip
 from rsvideo.restoration.tracing import trace, traced_curve
 
 ROWS = 240

@@ -7,7 +7,7 @@ import skimage.data
 from jaxtyping import TypeCheckError
 from skimage.restoration import denoise_tv_chambolle
 
-from rsvideo.solvers.collaborative import GROUP, PATCH, REACH, STRIDE, THRESHOLD, denoise, match
+from rsvideo.solvers.collaborative_filter import GROUP, PATCH, REACH, STRIDE, THRESHOLD, denoise, match
 
 
 def noisy(clean: np.ndarray, sigma: float) -> np.ndarray:

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsvideo.solvers.admm import objective, total_variation
 from rsvideo.solvers.conjugate_gradient import NormalMatrix, conjugate_gradient
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.operator import LinearOperator
 from rsvideo.solvers.prox import box, hard_threshold, soft_threshold
 from rsvideo.solvers.stopping import Status, solve
+from rsvideo.solvers.total_variation import objective, total_variation
 
 RNG = np.random.default_rng(0)
 

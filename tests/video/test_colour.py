@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
-from rsvideo.video.clip import Colour, Matrix, Picture, planar
 from rsvideo.video.colour import codes, encoded, light, relaid
+from rsvideo.video.stream import Colour, Matrix, Picture, planar
 from tests.video.clips import planes as planes_of
 from tests.video.clips import scene
 

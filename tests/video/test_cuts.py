@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import skimage.data
 
-from rsvideo.video.clip import Colour, Picture
 from rsvideo.video.cuts import cuts
+from rsvideo.video.stream import Colour, Picture
 from tests.pipeline.moving import H264
 
 ROWS, COLS = 72, 128

@@ -12,8 +12,8 @@ import pytest
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
-from rsvideo.video.clip import Matrix, Picture
 from rsvideo.video.decode import pictures, probe
+from rsvideo.video.stream import Matrix, Picture
 from tests.video.clips import make, planes, scene
 
 

@@ -10,12 +10,12 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from rsvideo.config import gcsv
-from rsvideo.config.said import Said
 from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.shooting import gcsv
+from rsvideo.shooting.fact import Fact
 from rsvideo.video import decode, metadata, telemetry
-from rsvideo.video.clip import Stream
 from rsvideo.video.metadata import ClipFacts
+from rsvideo.video.stream import Stream
 from rsvideo.video.telemetry import Telemetry
 
 APPLE = {
@@ -168,7 +168,7 @@ def test_a_sequence_says_what_its_first_files_exif_says(tmp_path: Path) -> None:
     record[0x8769] = {33434: IFDRational(1, 50), 41989: 35}
     Image.new("RGB", (64, 48)).save(tmp_path / "0001.jpg", exif=record)
     facts = metadata.shot(replace(clip(tmp_path, APPLE), files=(tmp_path / "0001.jpg",)))
-    assert facts.exposure == Said(value=0.02, source="EXIF of 0001.jpg")
+    assert facts.exposure == Fact(value=0.02, source="EXIF of 0001.jpg")
     assert facts.camera == "EOS R5"
     assert facts.focal_35mm is not None
     missing = metadata.shot(replace(clip(tmp_path, APPLE), files=(tmp_path / "0000.jpg",)))

@@ -9,8 +9,8 @@ import pytest
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.video import planes
-from rsvideo.video.clip import Picture, Stream
 from rsvideo.video.decode import pictures, probe
+from rsvideo.video.stream import Picture, Stream
 from tests.video.clips import make
 
 

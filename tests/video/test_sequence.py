@@ -13,11 +13,11 @@ from av.video.codeccontext import VideoCodecContext
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
-from rsvideo.video import exr
+from rsvideo.stills import exr
+from rsvideo.stills.ffmpeg import arrays
 from rsvideo.video.decode import pictures, probe
 from rsvideo.video.encode import Writer
 from rsvideo.video.encoding import Codec, Encoding
-from rsvideo.video.ffmpeg import arrays
 from tests.video.clips import make, raw, scene
 
 RATE = Fraction(24000, 1001)

@@ -1,0 +1,1 @@
+"""Several methods on one input: carried out, decoded to one measure, and gathered for a report."""

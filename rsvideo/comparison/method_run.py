@@ -1,0 +1,188 @@
+"""One method on one input, in a process of its own: its time and memory are its own, and so is its failure."""
+
+import contextlib
+import json
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.pipeline import deblur, fingerprint, processes
+from rsvideo.pipeline.clip_job import ClipJob
+from rsvideo.pipeline.job import Job
+
+_EVERY = 0.1  # seconds between two words about the work
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Order:
+    """A job that one method is to carry out."""
+
+    job: Job | ClipJob
+
+    @property
+    def method(self) -> str:
+        """Its name."""
+        return str(self.job.method)
+
+    @property
+    def note(self) -> Path:
+        """Where it is written down what became of it."""
+        return self.job.output.with_name(self.job.output.name + ".attempt.json")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """What a method came to."""
+
+    method: str
+    output: Path
+    seconds: float  # of work; the start of a process and its imports do not count
+    peak_bytes: int  # of the whole process
+    fault: str | None = None  # why there is no result
+    unreadable: bool = False  # the input is at fault
+    notes: tuple[str, ...] = ()
+
+    @property
+    def record(self) -> Path:
+        """The sidecar."""
+        return self.output.with_suffix(".rsvideo.json")
+
+
+def kept(order: Order) -> Attempt | None:
+    """What an earlier run came to, if that was the same request to the same program, and its result is still there."""
+    try:
+        held = json.loads(order.note.read_text(encoding="utf-8"))
+        if held.pop("fingerprint") != _fingerprint(order) or not order.job.output.exists():
+            return None
+        return Attempt(method=order.method, output=order.job.output, **{**held, "notes": tuple(held["notes"])})
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, show: Callable[[str, float], None]) -> Iterator[Attempt]:
+    """Carry the orders out, `most` at a time, and hand over what each came to as it ends; whoever stops listening ends them all."""
+    waiting, running = list(orders), dict[Connection, tuple[Order, BaseProcess]]()
+    done = 0
+    threads = processes.threads(most)
+    try:
+        while waiting or running:
+            while waiting and len(running) < most:
+                order = waiting.pop(0)
+                order.job.output.parent.mkdir(parents=True, exist_ok=True)
+                order.note.unlink(missing_ok=True)
+                connection, child = processes.started(_serve, order, threads=threads, quiet=quiet)
+                running[connection] = order, child
+            for connection in wait(list(running)):
+                assert isinstance(connection, Connection)
+                order, child = running[connection]
+                try:
+                    said = connection.recv()
+                except (EOFError, OSError):
+                    fault = f"its process {processes.death(child)}"
+                    said = Attempt(method=order.method, output=order.job.output, seconds=0.0, peak_bytes=0, fault=fault)
+                if not isinstance(said, Attempt):
+                    show(f"{order.method}: {said[0]}", (done + said[1]) / len(orders))
+                    continue
+                _ended(connection, child)
+                del running[connection]
+                done += 1
+                if said.fault is None:
+                    said = replace(said, output=order.job.output)
+                    note = {name: value for name, value in asdict(said).items() if name not in ("method", "output")}
+                    write_whole({order.note: json.dumps({**note, "fingerprint": _fingerprint(order)}).encode()})
+                yield said
+    finally:
+        for connection, (_, child) in running.items():
+            child.kill()
+            _ended(connection, child)
+
+
+def all_of(
+    orders: Sequence[Order], *, most: int = 1, resume: bool = True, quiet: bool = True, show: Callable[[str, float], None]
+) -> list[Attempt]:
+    """What each order comes to, in their order; those that were carried out before are taken over with `resume`."""
+    done = {order: attempt for order in orders if resume and (attempt := kept(order)) is not None}
+    missing = [order for order in orders if order not in done]
+    by_output = {order.job.output: order for order in missing}
+    for attempt in attempts(missing, most=most, quiet=quiet, show=show):
+        done[by_output[attempt.output]] = attempt
+    return [done[order] for order in orders]
+
+
+def settled(job: Job | ClipJob) -> Job | ClipJob:
+    """Answer every question that a job leaves, without doing it, and what took work to find for good; raises as `prepare` does."""
+    with tempfile.TemporaryDirectory() as name:
+        task = deblur.prepare(replace(job, output=Path(name) / job.output.name, overwrite=True))
+    return replace(job, gyro=task.job.gyro)
+
+
+def _ended(connection: Connection, child: BaseProcess) -> None:
+    connection.close()
+    child.join(5)
+    child.kill()
+    child.join()
+
+
+def _serve(connection: Connection, order: Order) -> None:
+    """What a process does all its life."""
+    last = -_EVERY
+
+    def observe(stage: str, fraction: float) -> None:
+        nonlocal last
+        if (now := time.monotonic()) - last >= _EVERY:
+            last = now
+            connection.send((stage, fraction))
+
+    connection.send(carried_out(order, observe))
+
+
+def carried_out(order: Order, observe: Callable[[str, float], None]) -> Attempt:
+    """What the method comes to in this process."""
+    begun, notes, fault = time.perf_counter(), (), None
+    try:
+        task = deblur.prepare(replace(order.job, overwrite=True))
+        notes = (*task.notes, *deblur.carry_out(task, observe).notes)
+    except Exception as error:
+        fault = error
+    return Attempt(
+        method=order.method,
+        output=order.job.output,
+        seconds=time.perf_counter() - begun,
+        peak_bytes=_peak(),
+        fault=None if fault is None else _told(fault),
+        unreadable=isinstance(fault, UnreadableError),
+        notes=notes,
+    )
+
+
+def _told(error: Exception) -> str:
+    words = " ".join(str(error).split())
+    match error:
+        case MemoryError():
+            return "memory ran out"
+        case ValueError() | ArithmeticError() | OSError():
+            return words
+        case _:
+            return f"failed while working: {type(error).__name__}: {words}"
+
+
+def _peak() -> int:
+    """Bytes of memory that the process held at most; 0 where the system does not say."""
+    with contextlib.suppress(OSError):  # what getrusage says of a spawned process may be its parent's
+        for line in Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) << 10
+    try:
+        import resource
+    except ImportError:
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def _fingerprint(order: Order) -> str:
+    return fingerprint.of_values({"request": fingerprint.of_request(order.job), "source": fingerprint.of_source(order.job.source)})

@@ -1,0 +1,88 @@
+"""A gyroscope's log of a clip or a photograph: read from a file or from the clip itself, and laid along it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rsvideo.baselines import gyro
+from rsvideo.config.method import GyroFile
+from rsvideo.frame import Frame
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.gyro import GyroLog
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration import multi_frame
+from rsvideo.restoration.multi_frame import Movement, Run
+from rsvideo.restoration.single_frame import Settings
+from rsvideo.shooting import gyro_log
+from rsvideo.shooting.gyro_log import Recorded
+from rsvideo.video import gyroscope
+from rsvideo.video.telemetry import UnavailableError
+
+LOOKED_AT = 60  # frames that a log's place is found with
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gyro:
+    """A log in its place."""
+
+    log: GyroLog
+    offset: float
+    axes: str
+    note: str
+
+    def within(self, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
+        """The motion of a photograph, whose first scanline opens at time 0."""
+        (way,) = self.movement(np.zeros(1), timing, intrinsics).within
+        assert way is not None
+        return way
+
+    def check_cover(self, begins: np.ndarray, timing: ShutterTiming) -> None:
+        """Refuse a log that does not reach over frames that begin at `begins` seconds."""
+        gyro.check_cover(self.log, begins, timing, self.offset)
+
+    def movement(self, begins: np.ndarray, timing: ShutterTiming, intrinsics: Intrinsics) -> Movement:
+        """The motion of frames that begin at `begins` seconds."""
+        return gyro.movement(self.log, begins, timing, intrinsics, offset=self.offset, axes=self.axes)
+
+    def refined(self, run: Run) -> Movement:
+        """The same, corrected by what the frames show."""
+        return gyro.refined(self.log, run, offset=self.offset, axes=self.axes)
+
+
+def read(said: GyroFile, source: Path, timing: ShutterTiming) -> Recorded:
+    """The log; raises UnreadableError, or ValueError where there is none."""
+    if said.path is not None:
+        return gyro_log.read(said.path, timing)
+    try:
+        return Recorded(log=gyroscope.embedded(source), offset=None)
+    except UnavailableError as error:
+        raise ValueError(f"--gyro must name a log, {source} holds none that can be read: {error}") from error
+
+
+def placed(
+    said: GyroFile, found: Recorded, frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings
+) -> Gyro:
+    """The log laid along a clip; what neither the user nor the file says is found from the first LOOKED_AT of its `frames`."""
+    offset = found.offset if said.offset is None else said.offset
+    axes = said.axes or ("XYZ" if found.offset is not None else None)
+    if offset is not None and axes is not None:
+        return Gyro(log=found.log, offset=offset, axes=axes, note=f"gyroscope: offset {offset:.4g} s, axes {axes}")
+    run = multi_frame.seen(frames, timing, intrinsics, settings, lambda _: None, blur=False)
+    at = gyro.aligned(found.log, run, offset=offset, axes=axes)
+    note = (
+        f"gyroscope: offset {at.offset:.4f} +- {at.spread:.4f} s, axes {at.axes}, by how the picture moves"
+        f" ({at.residual:.2g} of {at.moved:.2g} px remain)"
+    )
+    return Gyro(log=found.log, offset=at.offset, axes=at.axes, note=note)
+
+
+def of_photograph(said: GyroFile, source: Path, timing: ShutterTiming) -> Gyro:
+    """The log of one frame, of which nothing can be found from how the picture moves."""
+    found = read(said, source, timing)
+    offset = found.offset if said.offset is None else said.offset
+    if offset is None:
+        raise ValueError(f"--gyro-offset must say at which of its seconds {said.path} the first row of {source} opens")
+    return Gyro(log=found.log, offset=offset, axes=said.axes or "XYZ", note="")

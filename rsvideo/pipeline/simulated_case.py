@@ -1,0 +1,41 @@
+"""What stands beside a rendered frame: how it was rendered, and the motion it was rendered with."""
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+
+from rsvideo.physics.gyro import angles_from_poses
+from rsvideo.physics.simulate import extent
+from rsvideo.physics.staging import Stage
+from rsvideo.shooting.known_motion import COLUMNS
+
+_STEP = 0.5e-3  # seconds from one sample of the motion to the next
+_FEWEST = 81  # samples
+
+
+def motion_csv(staged: Stage) -> bytes:
+    """Angles in rad over the frame's whole interval; time 0 opens the scanline that is read first."""
+    start, end = staged.timing.interval
+    times = np.linspace(start, end, max(_FEWEST, round((end - start) / _STEP) + 1))
+    angles = angles_from_poses(staged.trajectory.at(times), camera=staged.camera)
+    rows = np.concatenate([times[:, None], angles], axis=1)
+    return "".join([",".join(COLUMNS) + "\n", *(",".join(f"{value:.9g}" for value in row) + "\n" for row in rows)]).encode()
+
+
+def case_json(staged: Stage, said: Mapping[str, object]) -> bytes:
+    """The stage in numbers, and what else is to be said of the rendering."""
+    camera, timing = staged.camera, staged.timing
+    case = {
+        "kind": "still",
+        "exposure_s": timing.exposure,
+        "row_time_s": timing.row_time,
+        "readout_s": timing.readout,
+        "direction": timing.direction.value,
+        "rows": camera.rows,
+        "cols": camera.cols,
+        "focal_px": camera.fx,
+        "blur_px": round(extent(camera=camera, timing=timing, trajectory=staged.trajectory), 3),
+        **said,
+    }
+    return (json.dumps(case, indent=1) + "\n").encode()

@@ -1,0 +1,20 @@
+"""How far a piece of work is, told while it goes on."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """A stage of the work, and how much of the whole is done."""
+
+    stage: str
+    fraction: float  # of the whole work, 0 to 1
+    frame: int | None = None  # the index of the frame that is worked on, in a clip
+
+
+Observer = Callable[[Progress], None]
+
+
+def ignore(_: Progress) -> None:
+    """Watch nothing."""

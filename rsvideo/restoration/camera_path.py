@@ -1,0 +1,199 @@
+"""One continuous path of a camera through a run of frames, from the points that move between them.
+
+A point tracked from one frame to the next observes the mean pose over one scanline's exposure against that over another's,
+each at its own time: linear in the path's coefficients.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.camera import Intrinsics, lever
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, still
+from rsvideo.restoration.psf_fit import shake_spread
+from rsvideo.restoration.tracks import TRACKED, Tracks
+
+KNOTS = 3  # spline pieces a frame's interval
+TERMS = 7  # of the polynomial that stands for the spline within one frame
+INDEPENDENT = 20  # points of a pair that count; the others share their errors, which blur causes
+STIFFNESS = 1.0  # of the prior on a hand's motion
+ROUNDS = 6  # of reweighting
+NODES = 33  # rows at which the basis is averaged; others by linear interpolation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path:
+    """A path in px and rad over a run of frames, and how well it is known."""
+
+    spline: Spline  # seconds of the clip
+    precision: Float[np.ndarray, "unknowns unknowns"]  # H, of the coefficients, row by row
+
+
+def windows(path: Spline, begins: float, timing: ShutterTiming, terms: int = TERMS) -> Float[np.ndarray, "terms coefficients"]:
+    """M: the spline's coefficients to those of the polynomial nearest to it over the frame that begins at `begins`."""
+    t = np.linspace(*timing.interval, 4 * terms)
+    basis = polynomial(timing, 2, terms).basis(t)
+    return np.linalg.lstsq(basis, path.basis(t + begins), rcond=None)[0]
+
+
+def within(path: Spline, begins: float, timing: ShutterTiming) -> Trajectory:
+    """The path within the frame that begins at `begins`, from its pose at the middle of the frame's interval."""
+    poly = polynomial(timing, path.coefficients.shape[1]).with_coefficients(windows(path, begins, timing) @ path.coefficients)
+    return centred(poly, timing.middle)
+
+
+def polynomial(timing: ShutterTiming, axes: int, terms: int = TERMS) -> Polynomial:
+    """What stands for the spline within one frame, at rest."""
+    return still(timing.interval, degree=terms - 1, axes=axes)
+
+
+def blank(begins: Float[np.ndarray, " frames"], timing: ShutterTiming, axes: int) -> Spline:
+    """The spline over all frames, at rest."""
+    start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
+    terms = 3 + max(1, int(np.ceil((end - start) / timing.interval[1] * KNOTS)))
+    return Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
+
+
+def follow(
+    tracks: Sequence[Tracks],
+    begins: Float[np.ndarray, " frames"],
+    timing: ShutterTiming,
+    intrinsics: Intrinsics,
+    axes: int,
+    *,
+    known: Path | None = None,
+    backwards: Sequence[int] = (),
+) -> Path:
+    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion, or about a known one.
+
+    Frames whose index is among `backwards` were read from the last scanline to the first.
+    """
+    path = known.spline if known else blank(begins, timing, axes)
+    pairs = [pair for pair in _pairs(tracks, begins, backwards, timing, intrinsics, path) if len(pair.moved)]
+    windowed = _Windows.of(path, timing, intrinsics)
+    prior = known.precision if known else windowed.precision(np.full(len(windowed.begins), 8.0 * timing.exposure / timing.interval[1]))
+    mean, precision = path.coefficients.ravel(), prior
+    for _ in range(ROUNDS):
+        precision, right = prior.copy(), prior @ mean
+        for pair in pairs:
+            normal, b = pair.system(path.coefficients)
+            precision += normal
+            right += b
+        path = path.with_coefficients(np.linalg.solve(precision, right).reshape(path.coefficients.shape))
+        if not known:
+            prior = windowed.precision(np.array([exposure_length(path, t, timing) for t in windowed.begins]))
+    return Path(spline=path, precision=precision)
+
+
+def unexplained(
+    path: Spline,
+    tracks: Sequence[Tracks],
+    begins: Float[np.ndarray, " frames"],
+    timing: ShutterTiming,
+    intrinsics: Intrinsics,
+    *,
+    backwards: Sequence[int] = (),
+) -> list[tuple[Float[np.ndarray, "points 2"], Float[np.ndarray, " points"]]]:
+    """How far the points of each pair of neighbouring frames move beyond what the path says, px, and in what time, s."""
+    pairs = _pairs(tracks, begins, backwards, timing, intrinsics, path)
+    return [(-pair.residual(path.coefficients), pair.elapsed) for pair in pairs]
+
+
+def trusted(path: Spline, timing: ShutterTiming, intrinsics: Intrinsics, *, drift: float, share: float) -> Path:
+    """A path that is known within each frame to `drift` px and a `share` of its length there; where it begins is free."""
+    windowed = _Windows.of(path, timing, intrinsics)
+    reaches = np.array([exposure_length(path, t, timing) for t in windowed.begins])
+    return Path(spline=path, precision=windowed.precision(drift * timing.exposure / timing.interval[1] + share * reaches))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Windows:
+    """A path cut into overlapping pieces as long as a frame's interval, and how each of them moves."""
+
+    begins: Float[np.ndarray, " pieces"]
+    moves: list[np.ndarray]  # coefficients of the path to those of the polynomial, without the constant
+    spread: Float[np.ndarray, "degrees axes"]  # of these, for a path of 1 px an exposure
+
+    @classmethod
+    def of(cls, path: Spline, timing: ShutterTiming, intrinsics: Intrinsics) -> "_Windows":
+        duration = timing.interval[1]
+        begins = np.arange(path.t0, path.t1 - duration + 1e-9, duration / 2)
+        unit = np.array([1, 1, 1 / intrinsics.fx])[: path.coefficients.shape[1]]
+        return cls(
+            begins=begins,
+            moves=[windows(path, t, timing)[1:] for t in begins],
+            spread=shake_spread(TERMS - 1, timing)[:, None] * unit,
+        )
+
+    def precision(self, reaches: Float[np.ndarray, " pieces"]) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Of the path's coefficients, row by row, if each piece moves by `reaches` px an exposure; where it begins is free."""
+        axes, unit = self.spread.shape[1], self.spread[0] / self.spread[0, 0]
+        out = np.diag(np.tile(1e-6 / unit**2, self.moves[0].shape[1]))
+        for m, reach in zip(self.moves, reaches, strict=True):
+            for a in range(axes):
+                out[a::axes, a::axes] += STIFFNESS * m.T @ (m / (reach * self.spread[:, a, None]) ** 2)
+        return out
+
+
+def exposure_length(path: Spline, begins: float, timing: ShutterTiming) -> float:
+    """The length in px of the path within one exposure, from its mean speed about a frame's middle; not less than 4 px a frame."""
+    window = max(timing.exposure, timing.interval[1] / 2)  # the speed of a short exposure alone is noise
+    t = begins + timing.middle + window * np.linspace(-0.5, 0.5, 9)
+    travelled = float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum())
+    return timing.exposure * max(travelled / window, 4.0 / timing.interval[1])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pair:
+    """The points between two frames as linear equations: moved = design @ coefficients."""
+
+    design: Float[np.ndarray, "points terms"]  # of the mean pose at the second sight, less that at the first
+    levers: Float[np.ndarray, "points 2 axes"]
+    elapsed: Float[np.ndarray, " points"]  # s, from the middle of the first sight's exposure to that of the second
+    moved: Float[np.ndarray, "points 2"]
+
+    @classmethod
+    def of(
+        cls, tracks: Tracks, begins: np.ndarray, back: list[bool], timing: ShutterTiming, intrinsics: Intrinsics, path: Spline
+    ) -> "_Pair":
+        nodes = np.linspace(0, timing.rows - 1, NODES)
+        times = nodes[:, None] * timing.row_time + timing.sample_times(8)[0]
+        seen, when = [], []
+        for at, turned, points in zip(begins, back, (tracks.before, tracks.after), strict=True):
+            open_at = (times[::-1] if turned else times) + at
+            basis = path.basis(open_at).mean(axis=1)
+            place = np.clip(points[:, 1] / (timing.rows - 1) * (NODES - 1), 0, NODES - 1 - 1e-9)
+            low, share = place.astype(int), (place % 1)[:, None]
+            seen.append((1 - share) * basis[low] + share * basis[low + 1])
+            when.append(np.interp(points[:, 1], nodes, open_at.mean(axis=1)))
+        middle = 0.5 * (tracks.before + tracks.after)
+        return cls(
+            design=seen[1] - seen[0],
+            levers=lever(intrinsics, middle[:, 0], middle[:, 1], path.coefficients.shape[1]),
+            elapsed=when[1] - when[0],
+            moved=tracks.before - tracks.after,  # a camera that moves right moves the image left
+        )
+
+    def residual(self, coefficients: Float[np.ndarray, "terms axes"]) -> Float[np.ndarray, "points 2"]:
+        """What a path leaves of how far the camera seems to have moved."""
+        return self.moved - np.einsum("nca,nt,ta->nc", self.levers, self.design, coefficients)
+
+    def system(self, coefficients: Float[np.ndarray, "terms axes"]) -> tuple[np.ndarray, np.ndarray]:
+        """Precision and right side, each point weighted by how well the path explains it (Cauchy's weights)."""
+        size = np.linalg.norm(self.residual(coefficients), axis=1)
+        scale = max(float(np.median(size)), TRACKED)
+        weight = 1 / (1 + (size / (2 * scale)) ** 2) / scale**2
+        weight *= min(1.0, INDEPENDENT / len(weight))
+        full = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(len(weight), 2, -1)
+        weighted = full * weight[:, None, None]
+        return np.einsum("nci,ncj->ij", weighted, full, optimize=True), np.einsum("nci,nc->i", weighted, self.moved)
+
+
+def _pairs(
+    tracks: Sequence[Tracks], begins: np.ndarray, backwards: Sequence[int], timing: ShutterTiming, intrinsics: Intrinsics, path: Spline
+) -> list[_Pair]:
+    back = [k in backwards for k in range(len(begins))]
+    return [_Pair.of(t, begins[k : k + 2], back[k : k + 2], timing, intrinsics, path) for k, t in enumerate(tracks)]

@@ -1,0 +1,247 @@
+"""The latent image of a frame whose trajectory is known (Sec. 4.3): exact solves in column tiles.
+
+Each tile's normal matrix K^H K + rho D^T D is banded per horizontal frequency and factored once per trajectory and rho
+(physics.row_fourier, solvers.banded). What no scanline saw is no data: latent rows above and below the frame are free,
+and the columns beyond its sides, like clipped pixels, are completed from the model's own K l.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rsvideo.physics import tiles
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.row_fourier import RowFourier, row_fourier
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.tiles import Tile
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.solvers.banded import BandedHermitian
+from rsvideo.solvers.collaborative_filter import denoise, match
+from rsvideo.solvers.differences import Differences
+from rsvideo.solvers.prox import soft_threshold
+
+OVERLAP = 24  # columns over which neighbouring tiles are blended
+TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term
+LIFT = 0.01  # the denoiser works on sqrt(l + LIFT): codes weigh shadows as eyes do, and shot noise evens out
+COARSEST = 0.03  # the splitting's first denoising strength, linear light
+SPLITTINGS = 6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TileSystem:
+    """One tile's frame, blur and normal matrix."""
+
+    op: RowFourier
+    normal: BandedHermitian  # K^H K
+    frame: Float[np.ndarray, "rows cols"]
+    valid: Float[np.ndarray, "rows cols"]  # 1 where the sample is data, 0 where it is clipped
+    completed: Float[np.ndarray, "rows period"]  # the frame, its sides joined smoothly
+
+    def roughness(self, rho: float, floor: float) -> Float[np.ndarray, " frequencies"]:
+        """rho |d_x(f)|^2 + floor, the diagonal part of rho D^T D + floor I."""
+        return (rho * self.op.difference_power + floor).astype(np.float32)
+
+    def complete(self, blurred: Float[np.ndarray, "rows period"]) -> Float[np.ndarray, "rows period"]:
+        """The frame where it is data, K l elsewhere; a clipped pixel is at least as bright as it reads."""
+        columns = slice(self.op.left, self.op.left + self.op.cols)
+        out = blurred.copy()
+        out[:, columns] = np.where(self.valid > 0, self.frame, np.maximum(self.frame, blurred[:, columns]))
+        return out
+
+    def crop(self, latent: Float[np.ndarray, "latent_rows period"]) -> Float[np.ndarray, "rows cols"]:
+        """The latent image on the tile's own pixels."""
+        op = self.op
+        return latent[op.top : op.top + op.rows, op.left : op.left + op.cols]
+
+
+def tile_system(
+    offsets: Float[np.ndarray, "rows samples 2"],
+    frame: Float[np.ndarray, "rows cols"],
+    valid: Float[np.ndarray, "rows cols"],
+    weights: Float[np.ndarray, "rows samples"] | None = None,
+) -> TileSystem:
+    """The system of a tile whose scanlines sample the latent image at `offsets`, all with the same weight by default."""
+    op = row_fourier(offsets, frame.shape[1], weights=weights)
+    re, im = op.gram()
+    return with_frame(
+        TileSystem(op=op, normal=BandedHermitian(re=re, im=im, frequencies=op.frequencies), frame=frame, valid=valid, completed=frame),
+        frame,
+        valid,
+    )
+
+
+def with_frame(system: TileSystem, frame: Float[np.ndarray, "rows cols"], valid: Float[np.ndarray, "rows cols"]) -> TileSystem:
+    """The same blur of another channel: the factors are shared."""
+    op = system.op
+    gap = op.period - op.cols
+    ramp = np.linspace(0, 1, gap + 2, dtype=np.float32)[1:-1]
+    joined = np.concatenate([frame, frame[:, -1:] * (1 - ramp) + frame[:, :1] * ramp], axis=1)
+    completed = np.roll(joined, op.left, axis=1)
+    return TileSystem(op=op, normal=system.normal, frame=frame, valid=valid, completed=completed)
+
+
+def total_variation(system: TileSystem, mu: float, *, steps: int, rho: float = TV_RHO) -> Float[np.ndarray, "latent_rows period"]:
+    """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by ADMM (Eq. 15-18, Algorithm 2), every l-update exact."""
+    op = system.op
+    factor = system.normal.plus(1, system.roughness(rho, 1e-5), rho).factor()
+    data = system.completed
+    D = Differences(periodic_cols=True)
+    latent = np.zeros((op.latent_rows, op.period), np.float32)
+    j = u = D.forward(latent)
+    for step in range(steps):
+        rhs = op.adjoint(op.spectrum(data))
+        if step:
+            rhs += op.spectrum(np.float32(rho) * D.adjoint(j - u))
+        spectrum = factor.solve(rhs)  # argmin_l L(l, j, u), Eq. (17)
+        latent = op.image(spectrum)
+        data = system.complete(op.image(op.forward(spectrum)))
+        gradient = D.forward(latent)
+        j = soft_threshold(gradient + u, mu / rho)  # argmin_j L(l, j, u)
+        u = u + gradient - j
+    return latent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiledFrame:
+    """A frame as column tiles that overlap, each with its exact blur, channel by channel."""
+
+    cut: list[Tile]
+    systems: list[list[TileSystem]]  # of each tile, of each channel
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Rows, columns, channels."""
+        return self.systems[0][0].op.rows, self.cut[-1].last, len(self.systems[0])
+
+    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
+        """The frame b, and 1 where it is data."""
+        parts = [
+            [
+                np.stack([of(s) for s in channels], axis=-1)[:, t.start - t.first : t.stop - t.first]
+                for t, channels in zip(self.cut, self.systems, strict=True)
+            ]
+            for of in (lambda s: s.frame, lambda s: s.valid)
+        ]
+        return np.hstack(parts[0]), np.hstack(parts[1])
+
+    def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+        """K image, what lies beyond it continued from its borders."""
+        out = np.empty_like(image)
+        for tile, channels in zip(self.cut, self.systems, strict=True):
+            op = channels[0].op
+            seen = op.image(op.forward(op.spectrum(_extended(channels[0], image[:, tile.first : tile.last]))))
+            out[:, tile.start : tile.stop] = seen[:, op.left + tile.start - tile.first : op.left + tile.stop - tile.first]
+        return out
+
+    def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2."""
+        latents = [
+            [
+                _towards(s, _extended(s, target[:, tile.first : tile.last, c]), target[:, tile.first : tile.last, c], ridge)
+                for c, s in enumerate(ss)
+            ]
+            for tile, ss in zip(self.cut, self.systems, strict=True)
+        ]
+        return _blended(self.cut, self.systems, latents)
+
+
+def _extended(system: TileSystem, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows period"]:
+    op = system.op
+    beyond = ((op.top, op.latent_rows - op.top - op.rows), (op.left, op.period - op.left - op.cols))
+    return np.pad(image, beyond, mode="edge")
+
+
+def tiled(
+    pixels: Float[np.ndarray, "rows cols channels"],
+    clipped: Bool[np.ndarray, "rows cols channels"],
+    trajectory: Trajectory,
+    intrinsics: Intrinsics,
+    timing: ShutterTiming,
+    *,
+    samples: int,
+    tolerance: float,
+) -> TiledFrame:
+    """The frame with its blur along `trajectory`; tolerance is the largest error in px of a tile's path at the tile's edge."""
+    cut = tiles.split(intrinsics.cols, tiles.tiles_needed(trajectory, intrinsics, timing, tolerance), OVERLAP)
+    return tiled_from(cut, lambda tile: (tiles.displacement(tile, trajectory, intrinsics, timing, samples), None), pixels, clipped)
+
+
+def tiled_from(
+    cut: list[Tile],
+    samples: Callable[[Tile], tuple[Float[np.ndarray, "rows samples 2"], Float[np.ndarray, "rows samples"] | None]],
+    pixels: Float[np.ndarray, "rows cols channels"],
+    clipped: Bool[np.ndarray, "rows cols channels"],
+) -> TiledFrame:
+    """The frame whose scanlines sample the latent image, in each tile, at those offsets with those weights."""
+    valid = (~clipped).astype(np.float32)
+    systems = []
+    for tile in cut:
+        columns = slice(tile.first, tile.last)
+        offsets, weights = samples(tile)
+        first = tile_system(offsets, pixels[:, columns, 0], valid[:, columns, 0], weights)
+        systems.append([first] + [with_frame(first, pixels[:, columns, c], valid[:, columns, c]) for c in range(1, pixels.shape[2])])
+    return TiledFrame(cut=cut, systems=systems)
+
+
+def deblur(
+    frame: TiledFrame, *, prior: Literal["denoiser", "tv"], mu: float, noise: float
+) -> Iterator[Float[np.ndarray, "rows cols channels"]]:
+    """The latent image after each splitting step (one step for total variation), at the pose where the trajectory is 0.
+
+    mu weighs total variation (alone, or as the start of the denoiser's splitting); noise is its standard deviation
+    in linear light.
+    """
+    cut, systems = frame.cut, frame.systems
+    latents = [[total_variation(s, mu, steps=20 if prior == "denoiser" else 50) for s in channels] for channels in systems]
+    image = _blended(cut, systems, latents)
+    yield image
+    if prior == "tv":
+        return
+    pilot = matches = None
+    for step, sigma in enumerate(np.geomspace(max(COARSEST, 3 * noise), 1.25 * noise, SPLITTINGS)):
+        root = np.sqrt(np.maximum(image, 0) + LIFT)
+        strength = float(sigma / (2 * np.median(root)))
+        pilot = denoise(root, strength) if pilot is None else pilot
+        matches = match(pilot) if step % 2 == 0 else matches  # which patches look alike changes slowly
+        pilot = denoise(root, strength, pilot=pilot, matches=matches)
+        smooth = (pilot * pilot - LIFT).astype(np.float32)
+        ridge = float(noise**2 / sigma**2)
+        latents = [
+            [_towards(s, latent, smooth[:, tile.first : tile.last, c], ridge) for c, (s, latent) in enumerate(zip(ss, ls, strict=True))]
+            for tile, ss, ls in zip(cut, systems, latents, strict=True)
+        ]
+        image = _blended(cut, systems, latents)
+        yield 0.5 * (image + smooth)
+
+
+def _towards(
+    system: TileSystem, latent: Float[np.ndarray, "latent_rows period"], target: Float[np.ndarray, "rows cols"], ridge: float
+) -> Float[np.ndarray, "latent_rows period"]:
+    """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
+    op = system.op
+    factor = system.normal.plus(1, system.roughness(0, ridge), 0).factor()
+    aim = latent.copy()
+    system.crop(aim)[:] = target
+    data = system.complete(op.image(op.forward(op.spectrum(latent))))
+    return op.image(factor.solve(op.adjoint(op.spectrum(data)) + np.float32(ridge) * op.spectrum(aim)))
+
+
+def _blended(
+    cut: list[Tile],
+    systems: list[list[TileSystem]],
+    latents: list[list[np.ndarray]],  # each (latent rows, period) of its tile
+) -> Float[np.ndarray, "rows cols channels"]:
+    """The tiles' latent images joined over their overlaps by linear weights."""
+    rows, cols, channels = systems[0][0].op.rows, cut[-1].last, len(systems[0])
+    image, total = np.zeros((rows, cols, channels), np.float32), np.zeros(cols, np.float32)
+    for tile, ss, ls in zip(cut, systems, latents, strict=True):
+        columns = np.arange(tile.first, tile.last)
+        depth = np.minimum(columns - tile.start, tile.stop - 1 - columns) + OVERLAP + 1  # 1 at the outermost shared column
+        weight = np.clip(depth / (2 * OVERLAP), 0, 1).astype(np.float32)
+        total[tile.first : tile.last] += weight
+        for c, (s, latent) in enumerate(zip(ss, ls, strict=True)):
+            image[:, tile.first : tile.last, c] += weight * s.crop(latent)
+    return image / total[:, None]

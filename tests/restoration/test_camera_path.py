@@ -1,0 +1,128 @@
+"""One path through a run of frames, from the points that move between them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rsvideo.physics.camera import turned
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.trajectory import Polynomial, Trajectory
+from rsvideo.restoration.camera_path import follow, unexplained, windows, within
+from rsvideo.restoration.tracks import Tracks
+from tests.restoration.swaying import BEGINS, CAMERA, END, TIMING, spline, sway
+
+
+def sights(path: Trajectory, begin: float, points: np.ndarray, timing: ShutterTiming) -> np.ndarray:
+    """Where a frame shows points of the latent image: each moved by the mean over its own row's exposure."""
+    at = points.copy()
+    for _ in range(30):
+        lines = at[:, 1:] if timing.direction is Direction.TOP_TO_BOTTOM else timing.rows - 1 - at[:, 1:]
+        poses = path.at(lines * timing.row_time + timing.sample_times(16)[0] + begin)
+        moves = turned(CAMERA, np.repeat(at[:, :1], 16, 1), np.repeat(at[:, 1:], 16, 1), poses)
+        at = points - moves.mean(axis=1)
+    return at
+
+
+def exact(path: Trajectory, timing: ShutterTiming = TIMING) -> list[Tracks]:
+    """Tracks without an error: between neighbours, of points that both show."""
+    x, y = np.meshgrid(np.linspace(-40, 220, 16), np.linspace(-40, 160, 14))
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    seen = [sights(path, float(t), points, timing) for t in BEGINS]
+    inside = [((s > 2) & (s < [CAMERA.cols - 3, CAMERA.rows - 3])).all(axis=1) for s in seen]
+    return [Tracks(before=seen[k][both], after=seen[k + 1][both]) for k in range(7) for both in [inside[k] & inside[k + 1]]]
+
+
+def apart(found: Trajectory, true: Trajectory) -> float:
+    """px RMS at the corners, where the path begins left out; frames' own times only."""
+    t = (BEGINS[:, None] + np.linspace(*TIMING.interval, 9)).ravel()
+    difference = found.at(t) - true.at(t)
+    difference -= difference.mean(axis=0)
+    return float(np.sqrt(((difference * [1, 1, 100][: difference.shape[1]]) ** 2).sum(axis=1).mean()))
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_exact_tracks_give_back_the_path(axes: int) -> None:
+    true = sway(axes)
+    found = follow(exact(true), BEGINS, TIMING, CAMERA, axes).spline
+    assert apart(found, true) < (0.05 if axes == 2 else 0.3)
+    assert apart(found, true.with_coefficients(-true.coefficients)) > 10
+
+
+def test_a_camera_that_moves_right_moves_the_image_left() -> None:
+    t = np.linspace(0, END, 50)
+    tracks = exact(spline(t, np.outer(t, [100.0, 0.0]), 8))
+    assert all((pair.after[:, 0] < pair.before[:, 0] - 3).all() for pair in tracks)
+    found = follow(tracks, BEGINS, TIMING, CAMERA, 2).spline
+    speed = np.diff(found.at(BEGINS + TIMING.middle), axis=0) * 24
+    np.testing.assert_allclose(speed, [[100.0, 0.0]] * 7, atol=2)
+
+
+def test_rows_observed_at_another_time_give_a_worse_path() -> None:
+    true = sway(2)
+    tracks = exact(true)
+    right = apart(follow(tracks, BEGINS, TIMING, CAMERA, 2).spline, true)
+    for wrong in (replace(TIMING, row_time=0.0), replace(TIMING, row_time=0.5 * TIMING.row_time)):
+        spread = replace(wrong, exposure=TIMING.interval[1] - wrong.readout)  # the same interval
+        assert apart(follow(tracks, BEGINS, spread, CAMERA, 2).spline, true) > 20 * right
+
+
+def test_two_views_of_one_moment_read_in_opposite_ways_tell_the_path_within_it() -> None:
+    true = sway(2)
+    x, y = np.meshgrid(np.linspace(5, 155, 12), np.linspace(-15, 135, 12))
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    down = sights(true, 0.0, points, TIMING)
+    backwards = replace(TIMING, direction=Direction.BOTTOM_TO_TOP)
+    up = sights(true, 0.0, points, backwards)
+    pair = Tracks(before=down, after=up)
+    t = np.linspace(0.15, 0.85, 20) * TIMING.interval[1]
+
+    def off(found: Trajectory) -> float:
+        difference = found.at(t) - true.at(t)
+        return float(np.abs(difference - difference.mean(axis=0)).max())
+
+    found = follow([pair], np.zeros(2), TIMING, CAMERA, 2, backwards=(1,)).spline
+    assert off(found) < 0.2
+    assert off(follow([pair], np.zeros(2), TIMING, CAMERA, 2).spline) > 0.5
+
+
+def test_a_few_points_that_lie_do_not_bend_the_path() -> None:
+    true = sway(3)
+    tracks = exact(true)
+    rng = np.random.default_rng(0)
+    liars = [t.after + np.where(rng.random((len(t.after), 1)) < 0.1, rng.uniform(-6, 6, t.after.shape), 0) for t in tracks]
+    lied = [Tracks(before=t.before, after=after) for t, after in zip(tracks, liars, strict=True)]
+    assert apart(follow(lied, BEGINS, TIMING, CAMERA, 3).spline, true) < 0.7
+
+
+def test_windows_give_the_polynomial_nearest_to_the_path() -> None:
+    t = np.linspace(0, END, 200)
+    cubic = spline(t, np.stack([50 * t**3 - 9 * t, 30 * t * t], axis=1), 12)
+    for begin in BEGINS:
+        inside = Polynomial(t0=0.0, t1=TIMING.interval[1], coefficients=windows(cubic, float(begin), TIMING) @ cubic.coefficients)
+        local = np.linspace(*TIMING.interval, 30)
+        np.testing.assert_allclose(inside.at(local), cubic.at(local + begin), atol=1e-9)
+
+
+def test_a_frame_takes_its_part_of_the_path_with_the_middle_as_origin() -> None:
+    path = sway(3)
+    local = np.linspace(*TIMING.interval, 30)
+    for begin in BEGINS:
+        part = within(path, float(begin), TIMING)
+        whole = path.at(local + begin) - path.at(np.array([TIMING.middle + begin]))
+        np.testing.assert_allclose(part.at(local), whole, atol=1e-3)
+        np.testing.assert_allclose(part.at(np.array([TIMING.middle])), 0, atol=1e-12)
+
+
+def test_a_point_that_moves_by_itself_leaves_that_motion_and_the_others_nothing() -> None:
+    path, speed, walker = sway(3), np.array([30.0, -12.0]), 5  # px/s
+    still, lines = exact(path), np.arange(TIMING.rows)
+    walked = [Tracks(before=t.before, after=t.after.copy()) for t in still]
+    for k, (first, second) in enumerate(zip(still, walked, strict=True)):
+        opens = np.interp([first.before[walker, 1], first.after[walker, 1]], lines, TIMING.row_start())
+        second.after[walker] += speed * (BEGINS[k + 1] - BEGINS[k] + opens[1] - opens[0])
+    for moved, elapsed in unexplained(path, walked, BEGINS, TIMING, CAMERA):
+        others = np.delete(moved, walker, axis=0)
+        assert np.abs(others).max() < 0.12  # of the linear model, over steps of up to 15 px
+        np.testing.assert_allclose(moved[walker], speed * elapsed[walker], atol=0.12)
+        assert np.linalg.norm(moved[walker]) > 0.8

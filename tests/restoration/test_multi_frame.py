@@ -1,0 +1,71 @@
+"""One path through a run of frames: what tracks say of it, what blur adds, and how its pieces join."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.multi_frame import joined, movement
+from rsvideo.restoration.single_frame import Settings
+from tests.pipeline.moving import RATE, Moving
+from tests.restoration.swaying import BEGINS, END, TIMING, sway
+
+
+def pieces(path: Trajectory, timing: ShutterTiming) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+    """The motion within each frame and from each to the next."""
+    local = np.linspace(*timing.interval, 60)
+    middles = path.at(BEGINS + timing.middle)
+    each = [(local, path.at(local + t) - middle) for t, middle in zip(BEGINS, middles, strict=True)]
+    return each, np.vstack([np.diff(middles, axis=0), np.zeros((1, middles.shape[1]))])
+
+
+def test_pieces_of_a_path_join_to_the_path() -> None:
+    path = sway(3)
+    t, poses = joined(BEGINS, *pieces(path, TIMING), TIMING)
+    assert t[0] == 0
+    assert t[-1] == pytest.approx(END, abs=1.1e-3)
+    difference = (poses - path.at(t))[:, :2]
+    assert np.abs(difference - difference.mean(axis=0)).max() < 1.0  # of a sway of 14 px
+    at_middles = np.stack([np.interp(BEGINS + TIMING.middle, t, column) for column in poses.T], axis=1)
+    np.testing.assert_allclose(at_middles - at_middles[0], path.at(BEGINS + TIMING.middle) - path.at(np.array([TIMING.middle])), atol=0.02)
+
+
+def test_pieces_that_disagree_fade_into_each_other() -> None:
+    each, steps = pieces(sway(2), TIMING)
+    bent = [(t, poses * (1.5 if k % 2 else 0.7)) for k, (t, poses) in enumerate(each)]
+    t, poses = joined(BEGINS, bent, steps, TIMING)
+    speed = np.abs(np.diff(poses, axis=0)).max() / np.diff(t).max()
+    assert speed < 3 * np.abs(np.diff(sway(2).at(t), axis=0)).max() / np.diff(t).max()
+
+
+@pytest.mark.parametrize("direction", list(Direction))
+def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(direction: Direction) -> None:
+    moving = Moving(frames=5, direction=direction, reach=9.0)
+    told: list[int] = []
+    found = movement(moving.recorded, moving.timing, moving.camera, Settings(), told.append)
+    assert told == [0, 1, 2, 3, 4]
+    middles = moving.path.at(moving.begins + moving.timing.middle)
+    np.testing.assert_allclose(found.steps[:-1, :2], np.diff(middles, axis=0)[:, :2], atol=0.6)
+    np.testing.assert_array_equal(found.steps[-1], 0)
+    t = np.linspace(*moving.timing.interval, 33)
+    for k, way in enumerate(found.within):
+        assert way is not None
+        true, wrong = (moving.way(k).at(t) - middles[k])[:, :2], way.at(t)[:, :2]
+        outermost = k in (0, 4)  # which nothing before, or behind, holds in place
+        assert np.sqrt(((wrong - true) ** 2).sum(axis=1).mean()) < (1.2 if outermost else 0.6)
+        if np.linalg.norm(np.ptp(true, axis=0)) > 3:
+            assert np.sqrt(((wrong + true) ** 2).sum(axis=1).mean()) > 2
+
+
+def test_a_cut_ends_one_path_and_frames_without_a_neighbour_stand_alone() -> None:
+    first, second = Moving(frames=3, reach=6.0), Moving(frames=3, reach=6.0, scene="coins")
+    frames = first.recorded[:2] + [replace(f, time=(k + 2) / RATE, index=k + 2) for k, f in enumerate(second.recorded[:1])]
+    found = movement(frames, first.timing, first.camera, Settings(), lambda _: None)
+    assert [way is None for way in found.within] == [False, False, True]
+    np.testing.assert_array_equal(found.steps[1:], 0)
+    assert np.abs(found.steps[0]).max() > 1
+    alone = movement(frames[2:], first.timing, first.camera, Settings(), lambda _: None)
+    assert alone.within == [None]
+    np.testing.assert_array_equal(alone.steps, np.zeros((1, 3)))

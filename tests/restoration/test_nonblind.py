@@ -1,0 +1,166 @@
+"""With a known path the sharp image comes back, whatever clips, and tiles leave no seam."""
+
+from typing import Literal
+
+import numpy as np
+import pytest
+import skimage.data
+from scipy.ndimage import binary_dilation
+
+from rsvideo.physics import simulate, tiles
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.trajectory import Polynomial, centred
+from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation
+
+ROWS, COLS = 96, 192
+CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
+TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
+SHIFT = np.array([[0.0, 0.0], [4.0, -2.0], [1.0, 1.5], [-0.4, 0.3]])
+TURN = np.hstack([SHIFT, [[0.0], [0.02], [-0.006], [0.0]]])
+
+
+def path(coefficients):
+    return centred(Polynomial(t0=0.0, t1=TIMING.interval[1], coefficients=coefficients), TIMING.middle)
+
+
+def photograph():
+    return (skimage.data.astronaut()[20:180, 60:310] / 255) ** 2.2
+
+
+def taken(coefficients, *, sigma=0.0, scene=None, gain=1.0):
+    return simulate.render(
+        photograph() if scene is None else scene,
+        camera=CAMERA,
+        timing=TIMING,
+        trajectory=path(coefficients),
+        noise=simulate.Noise(sigma=sigma),
+        rng=np.random.default_rng(0),
+        samples=32,
+        gain=gain,
+    )
+
+
+def restored(frame, coefficients, *, clipped=None, prior: Literal["tv", "denoiser"] = "denoiser", noise=1e-3, mu=7e-4):
+    clipped = np.zeros(frame.shape, bool) if clipped is None else clipped
+    *_, last = deblur(
+        tiled(frame, clipped, path(coefficients), CAMERA, TIMING, samples=24, tolerance=0.25), prior=prior, mu=mu, noise=noise
+    )
+    return last
+
+
+def psnr(image, truth):
+    """On the codes of a screen, without the border of 12 px that no path has seen whole."""
+    one, other = (np.clip(a[12:-12, 12:-12], 0, 1) ** (1 / 2.2) for a in (image, truth))
+    return float(-10 * np.log10(np.mean((one - other) ** 2)))
+
+
+@pytest.mark.parametrize(("prior", "least"), [("tv", 40.0), ("denoiser", 40.0)])
+def test_a_camera_at_rest_gives_the_frame_back(prior, least):
+    frame = taken(0 * SHIFT).blurred
+    assert psnr(restored(frame, 0 * SHIFT, prior=prior, mu=1e-4), frame) > least
+
+
+@pytest.mark.parametrize("coefficients", [SHIFT, TURN], ids=["shift", "rotation"])
+def test_a_known_motion_is_undone(coefficients):
+    case = taken(coefficients, sigma=0.002)
+    image = restored(case.blurred, coefficients, noise=0.002)
+    assert psnr(image, case.truth) > psnr(case.blurred, case.truth) + 8
+
+
+def test_another_path_than_the_true_one_restores_less():
+    case = taken(SHIFT, sigma=0.002)
+    back = SHIFT * np.array([1, -1, 1, -1])[:, None]
+    assert psnr(restored(case.blurred, SHIFT, noise=0.002), case.truth) > psnr(restored(case.blurred, back, noise=0.002), case.truth) + 5
+
+
+def test_the_denoiser_restores_more_of_a_noisy_frame_than_total_variation():
+    case = taken(SHIFT, sigma=0.01)
+    smooth = max(psnr(restored(case.blurred, SHIFT, prior="tv", mu=mu), case.truth) for mu in (7e-4, 2e-3, 5e-3))
+    assert psnr(restored(case.blurred, SHIFT, noise=0.01), case.truth) > smooth + 0.5
+
+
+@pytest.mark.parametrize("prior", ["tv", "denoiser"])
+def test_clipped_lamps_do_not_ring(prior):
+    scene = 0.2 * photograph()
+    for x in range(60, 190, 30):
+        scene[75:81, x : x + 3] = 3.0  # lamps brighter than white
+    case = taken(SHIFT, scene=scene, sigma=0.001)
+    clipped = case.blurred >= 1
+    lit = clipped.any(axis=2) | (case.truth > 0.5).any(axis=2)  # there the lamps hide what was behind them
+    lit = binary_dilation(lit, iterations=3)
+    around = np.logical_and(binary_dilation(lit, iterations=12), np.logical_not(lit))
+    errors = [
+        float(np.sqrt(np.mean((restored(case.blurred, SHIFT, clipped=known, prior=prior) - case.truth)[around] ** 2)))
+        for known in (clipped, np.zeros_like(clipped))
+    ]
+    assert errors[0] < 0.65 * errors[1]
+
+
+def test_total_variation_reaches_the_least_of_its_energy():
+    """Any step away from the answer costs."""
+    frame = taken(SHIFT).blurred[:40, :60, 0]
+    timing = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=40)
+    camera = Intrinsics.centred(focal=300.0, rows=40, cols=60)
+    tile = tiles.split(60, 1, 0)[0]
+    system = tile_system(tiles.displacement(tile, path(SHIFT), camera, timing, 16), frame, np.ones_like(frame))
+    op, mu = system.op, 2e-3
+
+    def cost(latent):
+        b = op.image(op.forward(op.spectrum(latent.astype(np.float32))))[:, op.left : op.left + 60]
+        variation = np.abs(np.roll(latent, -1, 1) - latent).sum() + np.abs(np.diff(latent, axis=0)).sum()
+        return 0.5 * float(np.sum((b - frame) ** 2)) + mu * float(variation)
+
+    found = total_variation(system, mu, steps=400)
+    rng = np.random.default_rng(0)
+    for scale in (0.001, 0.01):
+        assert cost(found) < cost(found + scale * rng.standard_normal(found.shape))
+    assert cost(found) < cost(total_variation(system, mu, steps=10))
+    assert cost(found) < cost(total_variation(system, 2 * mu, steps=400))
+    assert cost(found) < cost(total_variation(system, mu / 2, steps=400))
+
+
+def test_what_no_scanline_saw_and_what_clipped_is_completed_from_the_model():
+    frame = taken(SHIFT).blurred[..., 0]
+    valid = np.ones_like(frame)
+    valid[30:40, 50:60] = 0
+    tile = tiles.split(COLS, 1, 0)[0]
+    system = tile_system(tiles.displacement(tile, path(SHIFT), CAMERA, TIMING, 16), frame, valid)
+    bright = np.full((ROWS, system.op.period), 2.0, np.float32)
+    dark = np.zeros_like(bright)
+    own = slice(system.op.left, system.op.left + COLS)
+    for model, expected in ((bright, 2.0), (dark, frame[30:40, 50:60])):  # a clipped pixel is at least as bright as it reads
+        out = system.complete(model)
+        np.testing.assert_array_equal(out[:, own][30:40, 50:60], np.broadcast_to(expected, (10, 10)))
+        np.testing.assert_array_equal(out[:, own][valid > 0], frame[valid > 0])
+        np.testing.assert_array_equal(np.delete(out, np.r_[own], axis=1), np.delete(model, np.r_[own], axis=1))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_tiles_of_one_image_blend_into_it(count):
+    whole = np.random.default_rng(0).random((ROWS, COLS)).astype(np.float32)
+    cut = tiles.split(COLS, count, OVERLAP)
+    systems, latents = [], []
+    for tile in cut:
+        part = whole[:, tile.first : tile.last]
+        system: TileSystem = tile_system(np.zeros((ROWS, 1, 2)), part, np.ones_like(part))
+        latent = np.full((system.op.latent_rows, system.op.period), 9.0, np.float32)
+        system.crop(latent)[:] = part
+        systems.append([system])
+        latents.append([latent])
+    np.testing.assert_allclose(_blended(cut, systems, latents)[..., 0], whole, atol=1e-6)
+
+
+def test_no_seam_shows_between_tiles():
+    """Each tile's weight falls to its outermost column: next to it the neighbour holds the image."""
+    cut = tiles.split(COLS, 2, OVERLAP)
+    systems = []
+    for tile in cut:
+        part = np.zeros((ROWS, tile.last - tile.first), np.float32)
+        systems.append([tile_system(np.zeros((ROWS, 1, 2)), part, np.ones_like(part))])
+    ones = [[np.full((ss[0].op.latent_rows, ss[0].op.period), float(i), np.float32)] for i, ss in enumerate(systems)]
+    ramp = _blended(cut, systems, ones)[0, :, 0]
+    assert ramp[0] == 0
+    assert ramp[-1] == 1
+    assert np.diff(ramp).min() >= 0
+    assert np.diff(ramp).max() < 1.5 / (2 * OVERLAP)

@@ -1,0 +1,231 @@
+"""One frame in, its path and its sharp image out, whichever way it is read."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+import skimage.data
+
+from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.physics import simulate, tone
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.tone import Transfer
+from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, still
+from rsvideo.restoration import initialise
+from rsvideo.restoration.single_frame import COSTLIEST, Iterate, Known, Settings, estimate, judge, observed, restore
+from rsvideo.restoration.sparsity import energy
+
+ROWS, COLS = 80, 120
+CAMERA = Intrinsics(fx=310.0, fy=280.0, cx=63.0, cy=35.0, rows=ROWS, cols=COLS)
+TURN = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 0.02], [1.0, 1.5, -0.006]])
+KNOWN = Settings(prior="tv", samples=20)
+
+
+def psnr(image, truth):
+    one, other = (np.clip(a[10:-10, 10:-10], 0, 1) ** (1 / 2.2) for a in (image, truth))
+    return float(-10 * np.log10(np.mean((one - other) ** 2)))
+
+
+def sharp():
+    return (skimage.data.astronaut()[20:260, 60:380] / 255) ** 2.2
+
+
+def shutter(way, camera=CAMERA):
+    lines = camera.rows if way in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else camera.cols
+    return ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=lines, direction=way)
+
+
+def path(timing, coefficients):
+    return centred(Polynomial(t0=0.0, t1=timing.interval[1], coefficients=coefficients), timing.middle)
+
+
+def taken(timing, trajectory, camera=CAMERA, sigma=0.001):
+    rng, noise = np.random.default_rng(0), simulate.Noise(sigma=sigma)
+    return simulate.render(sharp(), camera=camera, timing=timing, trajectory=trajectory, noise=noise, rng=rng, samples=32)
+
+
+def frame(pixels) -> Frame:
+    return Frame(pixels=pixels, clipped=pixels >= 1)
+
+
+@pytest.mark.parametrize("way", list(Direction))
+def test_whichever_way_a_frame_is_read_its_known_motion_is_undone(way):
+    timing = shutter(way)
+    trajectory = path(timing, TURN)
+    case = taken(timing, trajectory)
+    result = restore(frame(case.blurred), timing, CAMERA, KNOWN, trajectory=trajectory)
+    assert psnr(result.latent, case.truth) > psnr(case.blurred, case.truth) + 6
+    np.testing.assert_allclose(result.trajectory.coefficients, trajectory.coefficients, atol=1e-12)
+
+
+FLIPPED = {
+    # what becomes of the picture, of the camera, and of a pose (x, y, roll)
+    Direction.BOTTOM_TO_TOP: (lambda a: a[::-1], replace(CAMERA, cy=ROWS - 1 - CAMERA.cy), lambda p: p * [1, -1, -1]),
+    Direction.LEFT_TO_RIGHT: (
+        lambda a: a.transpose(1, 0, 2),
+        Intrinsics(fx=CAMERA.fy, fy=CAMERA.fx, cx=CAMERA.cy, cy=CAMERA.cx, rows=COLS, cols=ROWS),
+        lambda p: p[:, [1, 0, 2]] * [1, 1, -1],
+    ),
+    Direction.RIGHT_TO_LEFT: (  # a quarter turn
+        lambda a: a.transpose(1, 0, 2)[:, ::-1],
+        Intrinsics(fx=CAMERA.fy, fy=CAMERA.fx, cx=ROWS - 1 - CAMERA.cy, cy=CAMERA.cx, rows=COLS, cols=ROWS),
+        lambda p: p[:, [1, 0, 2]] * [-1, 1, 1],
+    ),
+}
+
+
+@pytest.mark.parametrize("way", list(FLIPPED))
+def test_a_flipped_or_turned_frame_is_restored_to_the_flipped_or_turned_image(way):
+    timing = shutter(Direction.TOP_TO_BOTTOM)
+    trajectory = path(timing, TURN)
+    blurred = taken(timing, trajectory).blurred
+    upright = restore(frame(blurred), timing, CAMERA, KNOWN, trajectory=trajectory)
+    flip, camera, pose = FLIPPED[way]
+    turned = shutter(way, camera)
+    moved = trajectory.with_coefficients(pose(trajectory.coefficients))
+    result = restore(frame(np.ascontiguousarray(flip(blurred))), turned, camera, KNOWN, trajectory=moved)
+    np.testing.assert_allclose(result.latent, flip(upright.latent), atol=1e-4)
+    np.testing.assert_allclose(result.trajectory.coefficients, moved.coefficients, atol=1e-12)
+
+
+def test_what_is_known_of_a_frame_comes_back_with_it():
+    timing = shutter(Direction.TOP_TO_BOTTOM)
+    trajectory = path(timing, TURN).shifted(np.array([5.0, 3.0, 0.1]))
+    given = frame(taken(timing, path(timing, TURN)).blurred)
+    before = given.pixels.copy()
+    result = restore(given, timing, CAMERA, KNOWN, trajectory=trajectory, timing_source="EXIF")
+    assert (result.frame, result.timing, result.timing_source) == (given, timing, "EXIF")
+    assert result.verdict is Verdict.RESTORED
+    np.testing.assert_allclose(result.trajectory.at(np.array([timing.middle])), 0, atol=1e-12)
+    np.testing.assert_array_equal(given.pixels, before)
+
+
+@pytest.mark.parametrize("way", list(Direction))
+@pytest.mark.parametrize("level", [0.0, 0.4, 1.0])
+def test_a_frame_without_texture_is_left_as_it_was(way, level):
+    pixels = np.full((ROWS, COLS, 3), level, np.float32)
+    result = restore(frame(pixels), shutter(way), CAMERA, Settings())
+    assert result.verdict is Verdict.NO_TEXTURE
+    np.testing.assert_array_equal(result.latent, pixels)
+    assert np.ptp(result.trajectory.at(np.linspace(0, 0.04, 9)), axis=0).max() == 0
+
+
+def test_a_degree_that_one_frame_does_not_determine_is_refused():
+    with pytest.raises(ValueError, match=r"degree must lie in \[1, 12\], got 13"):
+        Settings(degree=13)
+
+
+def moved(bend: float) -> tuple[Intrinsics, ShutterTiming, Trajectory]:
+    """A camera, its shutter, and a motion that is even but for `bend`."""
+    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
+    timing = shutter(Direction.TOP_TO_BOTTOM, camera)
+    return camera, timing, path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [bend, bend]]))
+
+
+@pytest.fixture(scope="module")
+def blindly() -> tuple[simulate.Rendering, FrameResult, list[Iterate], Trajectory]:
+    """A frame, its restoration from the picture alone, what could be watched, and the truth."""
+    camera, timing, true = moved(1.2)
+    case = taken(timing, true, camera)
+    seen: list[Iterate] = []
+    settings = Settings(motion="shift", degree=2, candidates=2, samples=20)
+    result = restore(frame(case.blurred), timing, camera, settings, observe=seen.append)
+    return case, result, seen, true
+
+
+def test_blindly_the_path_is_found_and_the_picture_gains(blindly):
+    case, result, _, true = blindly
+    t = np.linspace(0, result.timing.interval[1], 65)
+    assert np.sqrt(((result.trajectory.at(t) - true.at(t)) ** 2).sum(axis=1).mean()) < 0.8
+    assert psnr(result.latent, case.truth) > psnr(case.blurred, case.truth) + 5
+
+
+def test_the_work_can_be_watched_from_its_start_to_its_end(blindly):
+    _, result, seen, _ = blindly
+    fractions = [iterate.fraction for iterate in seen]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1
+    assert seen[-1].latent is not None
+    np.testing.assert_array_equal(seen[-1].latent, result.latent)
+
+
+def test_the_objective_falls_from_step_to_step(blindly):
+    values = blindly[1].convergence
+    assert len(values) >= 2
+    assert list(values) == sorted(values, reverse=True)
+
+
+@pytest.mark.parametrize("way", [Direction.TOP_TO_BOTTOM, Direction.RIGHT_TO_LEFT])
+def test_a_path_that_is_known_to_some_extent_is_corrected(way):
+    camera = Intrinsics.centred(focal=300.0, rows=130, cols=190)
+    timing = shutter(way, camera)
+    true = path(timing, np.array([[0.0, 0.0, 0.0], [4.0, -3.0, 0.01], [1.0, 1.5, -0.003]]))
+    case = taken(timing, true, camera)
+    wrong = path(timing, true.coefficients * 1.25 + np.array([[0, 0, 0], [0.3, 0.3, 0], [0, 0, 0]]))
+    settings = replace(KNOWN, degree=3)
+    plain = restore(frame(case.blurred), timing, camera, settings, trajectory=wrong)
+    better = restore(frame(case.blurred), timing, camera, settings, start=Known(trajectory=wrong, drift=0.5, share=0.1))
+    t = np.linspace(*timing.interval, 40)
+    apart = [np.sqrt(((r.trajectory.at(t) - true.at(t))[:, :2] ** 2).sum(axis=1).mean()) for r in (plain, better)]
+    assert apart[1] < 0.7 * apart[0]
+    assert psnr(better.latent, case.truth) > psnr(plain.latent, case.truth) + 3
+    assert better.verdict is Verdict.RESTORED
+
+
+def test_finer_motion_than_the_correction_is_kept():
+    timing = shutter(Direction.TOP_TO_BOTTOM)
+    fine = np.zeros((12, 3))
+    fine[1], fine[11] = (5.0, 2.0, 0.0), (0.4, -0.4, 0.0)
+    true = path(timing, fine)
+    result = restore(frame(taken(timing, true).blurred), timing, CAMERA, KNOWN, start=Known(trajectory=true, drift=0.02, share=0.0))
+    t = np.linspace(*timing.interval, 200)
+    assert np.abs((result.trajectory.at(t) - true.at(t))[:, :2]).max() < 0.2
+
+
+def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkeypatch):
+    camera, timing, true = moved(0.3)
+    candidates = initialise.candidates
+
+    def backwards(*given, **how):
+        return (c for c in candidates(*given, **how) if (c.trajectory.coefficients[1] * true.coefficients[1]).sum() < 0)
+
+    monkeypatch.setattr(initialise, "candidates", backwards)
+    scene = observed(frame(taken(timing, true, camera).blurred), timing, camera, Settings())
+    *_, last = estimate(scene, Settings(motion="shift", degree=2, samples=20))
+    assert last.trajectory is not None
+    np.testing.assert_allclose(last.trajectory.coefficients[1], true.coefficients[1], atol=1)
+
+
+def test_a_path_that_leads_out_of_the_frame_is_not_followed(monkeypatch):
+    camera, timing, true = moved(0.3)
+    candidates = initialise.candidates
+
+    def far(*given, **how):
+        return (replace(c, trajectory=c.trajectory.with_coefficients(20 * c.trajectory.coefficients)) for c in candidates(*given, **how))
+
+    monkeypatch.setattr(initialise, "candidates", far)
+    given = frame(taken(timing, true, camera).blurred)
+    result = restore(given, timing, camera, Settings(motion="shift", degree=2, samples=20))
+    assert result.verdict is Verdict.UNEXPLAINED
+    np.testing.assert_array_equal(result.latent, given.pixels)
+
+
+def test_a_picture_out_of_focus_is_not_restored_along_a_path_that_it_does_not_show():
+    photograph = tone.decode(Transfer.SRGB, (skimage.data.coffee()[100:340, 60:380] / 255).astype(np.float32))
+    noise = np.random.default_rng(0).normal(0, 0.003, photograph.shape)
+    soft = frame(np.clip(cv2.GaussianBlur(photograph, (0, 0), 1.5) + noise, 0, 1).astype(np.float32))
+    timing = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=240)
+    scene = observed(soft, timing, Intrinsics.centred(focal=400, rows=240, cols=320), Settings())
+    straight = still(timing.interval, degree=2, axes=2)
+    moved = straight.with_coefficients(np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 0.0]]))
+    assert energy(scene, moved) < COSTLIEST * energy(scene, straight)  # the energy alone would have believed it
+    assert judge(scene, moved) is Verdict.UNEXPLAINED
+
+
+def test_the_smallest_frames_can_be_restored():
+    rng, timing = np.random.default_rng(0), ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=32)
+    noise = cv2.GaussianBlur(rng.uniform(0, 1, (32, 32, 3)).astype(np.float32), (0, 0), 2)
+    camera = Intrinsics.centred(focal=60, rows=32, cols=32)
+    assert restore(frame(noise), timing, camera, Settings()).latent.shape == noise.shape
