@@ -21,9 +21,10 @@ from av.video.stream import VideoStream
 
 from rsvideo.physics import gyro, tone
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.physics.simulate import Noise, extent, render
+from rsvideo.physics.simulate import extent, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline
 from rsvideo.shooting.known_motion import COLUMNS
@@ -95,7 +96,7 @@ def clip(folder: Path) -> None:
 
     ways = [replace(path, t0=path.t0 - begin, t1=path.t1 - begin) for begin in begins]
     rng = np.random.default_rng([SEED, 1])  # not the hand's numbers
-    frames = [render(scene, camera=camera, timing=timing, trajectory=way, noise=Noise(sigma=NOISE), rng=rng) for way in ways]
+    frames = [render(scene, camera=camera, timing=timing, trajectory=way, noise=Noise.at_half(NOISE), rng=rng) for way in ways]
 
     folder.mkdir(exist_ok=True)
     encode(folder / "blurred.mp4", (frame.blurred for frame in frames), sound=True)

@@ -220,11 +220,7 @@ def _resized(image: Float[np.ndarray, "rows cols"], scale: float) -> Float[np.nd
 
 
 def _scaled(camera: Intrinsics, scale: float) -> Intrinsics:
-    rows, cols = _size((camera.rows, camera.cols), scale)
-    sy, sx = rows / camera.rows, cols / camera.cols
-    return Intrinsics(
-        fx=camera.fx * sx, fy=camera.fy * sy, cx=(camera.cx + 0.5) * sx - 0.5, cy=(camera.cy + 0.5) * sy - 0.5, rows=rows, cols=cols
-    )
+    return camera.scaled(*_size((camera.rows, camera.cols), scale))
 
 
 def _size(shape: tuple[int, ...], scale: float) -> tuple[int, int]:

@@ -1,73 +1,105 @@
 """rsvideo simulate: one sharp photograph in, a blurred one out whose truth is known."""
 
 import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from typer import Option
 
-from rsvideo.cli.options import Way
+from rsvideo.cli.options import ReadoutDirection
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from rsvideo.physics.staging import Motion
+    from rsvideo.physics.camera import Intrinsics
+    from rsvideo.physics.noise import Noise
+    from rsvideo.physics.shutter import Direction
+    from rsvideo.physics.simulate import Rendering
+    from rsvideo.physics.staging import Motion, Stage
+    from rsvideo.stills.still import Still
 
 MOST_LOG_BYTES = 500_000_000
 MOST_YAML_BYTES = 100_000
+USUAL_NOISE = 0.003  # at half of white: a small sensor's at base sensitivity
+
+Source = Annotated[Path, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
+Output = Annotated[Path, Option("-o", "--output", metavar="OUT", help="The blurred frame; motion.csv and case.json go beside it.")]
+Exposure = Annotated[str, Option(metavar="TIME", help="How long each row collects light: 1/50, 20ms, 0.02.")]
+FocalPx = Annotated[float | None, Option(metavar="PX", help="Focal length in pixels of SHARP. [default: the profile's]")]
+Camera = Annotated[
+    str | None,
+    Option(
+        metavar="NAME",
+        help="A profile by name or file: focal length, distortion, noise and readout are its own. SHARP is taken to show what"
+        " its lens shows, and the frame is its whole picture.",
+    ),
+]
+Readout = Annotated[str | None, Option(metavar="TIME", help="Rows times row time; 0 is a global shutter. [default: the profile's]")]
+RowTime = Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")]
+GyroLog = Annotated[Path | None, Option(metavar="LOG", help="Motion recorded as lines `t_ns wx wy wz` in rad/s.")]
+Start = Annotated[float, Option(metavar="S", help="When the frame opens, in seconds from the first line of --gyro.")]
+GyroAxes = Annotated[
+    str, Option(metavar="XYZ", help="The gyro's axes along the camera's right, down and forward; small letters turn them round.")
+]
+Polynomial = Annotated[
+    str | None,
+    Option(metavar="TEXT", help="`x:0,12,-4;y:0,5;roll:0,0.01` in px and rad, by powers of u = 0..1 through the frame; or a .yaml."),
+]
+Shake = Annotated[bool, Option("--shake", help="A random hand-shake, by --seed.")]
+Seed = Annotated[int, Option(min=0, help="Of the hand-shake and of the noise.")]
+BlurPx = Annotated[float | None, Option(metavar="PX", help="Scale the motion so that the longest streak of any row spans this.")]
+Axes = Annotated[Literal["rotation", "shift"], Option(help="All three angles, or no roll.")]
+NoiseSigma = Annotated[
+    float | None,
+    Option(
+        metavar="SIGMA",
+        help="Read and shot noise at half of white, in linear light; white is 1. [default: the profile's, or 0.003]",
+    ),
+]
+Gain = Annotated[float, Option(help="Multiplies the light, so that highlights clip.")]
+Size = Annotated[str | None, Option(metavar="COLSxROWS", help="Of the frame. [default: all that the motion leaves in view]")]
+Samples = Annotated[int, Option(min=1, max=4096, help="Time samples a row.")]
+Bits = Annotated[Literal["8", "16"] | None, Option(help="A sample of OUT. [default: as in SHARP]")]
+Curve = Annotated[Literal["srgb", "bt709", "linear"] | None, Option(help="How codes stand for light. [default: srgb]")]
+Truth = Annotated[Path | None, Option(metavar="FILE", help="The sharp frame. [default: truth beside OUT, with OUT's ending]")]
+Overwrite = Annotated[bool, Option("--overwrite", help="Replace what stands under these names.")]
 
 
 def simulate(
-    source: Annotated[Path, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")],
-    output: Annotated[Path, Option("-o", "--output", metavar="OUT", help="The blurred frame; motion.csv and case.json go beside it.")],
-    exposure: Annotated[str, Option(metavar="TIME", help="How long each row collects light: 1/50, 20ms, 0.02.")],
-    focal_px: Annotated[float, Option(metavar="PX", help="Focal length in pixels of SHARP.")],
-    readout: Annotated[str | None, Option(metavar="TIME", help="Rows times row time; 0 is a global shutter.")] = None,
-    row_time: Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")] = None,
-    direction: Annotated[Way, Option(help="The way the readout runs over the picture as stored.")] = "top-to-bottom",
-    gyro: Annotated[Path | None, Option(metavar="LOG", help="Motion recorded as lines `t_ns wx wy wz` in rad/s.")] = None,
-    start: Annotated[float, Option(metavar="S", help="When the frame opens, in seconds from the first line of --gyro.")] = 0.0,
-    gyro_axes: Annotated[
-        str, Option(metavar="XYZ", help="The gyro's axes along the camera's right, down and forward; small letters turn them round.")
-    ] = "XYZ",
-    polynomial: Annotated[
-        str | None,
-        Option(metavar="TEXT", help="`x:0,12,-4;y:0,5;roll:0,0.01` in px and rad, by powers of u = 0..1 through the frame; or a .yaml."),
-    ] = None,
-    shake: Annotated[bool, Option("--shake", help="A random hand-shake, by --seed.")] = False,
-    seed: Annotated[int, Option(min=0, help="Of the hand-shake and of the noise.")] = 0,
-    blur_px: Annotated[
-        float | None, Option(metavar="PX", help="Scale the motion so that the longest streak of any row spans this.")
-    ] = None,
-    motion: Annotated[Literal["rotation", "shift"], Option(help="All three angles, or no roll.")] = "rotation",
-    noise: Annotated[float, Option(metavar="SIGMA", help="Read and shot noise at half of white, in linear light; white is 1.")] = 0.003,
-    gain: Annotated[float, Option(help="Multiplies the light, so that highlights clip.")] = 1.0,
-    size: Annotated[str | None, Option(metavar="COLSxROWS", help="Of the frame. [default: all that the motion leaves in view]")] = None,
-    samples: Annotated[int, Option(min=1, max=4096, help="Time samples a row.")] = 64,
-    bits: Annotated[Literal["8", "16"] | None, Option(help="A sample of OUT. [default: as in SHARP]")] = None,
-    transfer: Annotated[Literal["srgb", "bt709", "linear"] | None, Option(help="How codes stand for light. [default: srgb]")] = None,
-    truth: Annotated[Path | None, Option(metavar="FILE", help="The sharp frame. [default: truth beside OUT, with OUT's ending]")] = None,
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace what stands under these names.")] = False,
+    source: Source,
+    output: Output,
+    exposure: Exposure,
+    focal_px: FocalPx = None,
+    camera: Camera = None,
+    readout: Readout = None,
+    row_time: RowTime = None,
+    direction: ReadoutDirection = None,
+    gyro: GyroLog = None,
+    start: Start = 0.0,
+    gyro_axes: GyroAxes = "XYZ",
+    polynomial: Polynomial = None,
+    shake: Shake = False,
+    seed: Seed = 0,
+    blur_px: BlurPx = None,
+    motion: Axes = "rotation",
+    noise: NoiseSigma = None,
+    gain: Gain = 1.0,
+    size: Size = None,
+    samples: Samples = 64,
+    bits: Bits = None,
+    transfer: Curve = None,
+    truth: Truth = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Render what a rolling-shutter camera would record of a photograph, with its truth and its motion.
 
     The frame is the middle of SHARP, so much smaller that its borders show real content however the camera moves.
     """
-    from dataclasses import replace
-    from importlib.metadata import version
-
-    import numpy as np
-
     from rsvideo.cli.exit_codes import RefusedError
-    from rsvideo.cli.progress import bar
-    from rsvideo.config.files import UnreadableError, write_whole
-    from rsvideo.config.quantity import hand_held, seconds
-    from rsvideo.physics.shutter import Direction
-    from rsvideo.physics.simulate import Noise, extent, render
-    from rsvideo.physics.staging import stage
+    from rsvideo.config.files import UnreadableError
     from rsvideo.physics.tone import Transfer
-    from rsvideo.pipeline import simulated_case
     from rsvideo.stills import still
 
     truth = truth or output.with_name("truth" + output.suffix)
@@ -75,60 +107,131 @@ def simulate(
     try:
         kinds = still.Format.of_output(output), still.Format.of_output(truth)
         _check_names(files, source, overwrite=overwrite)
-        if (readout is None) == (row_time is None):
-            raise ValueError(f"the shutter needs either --readout or --row-time, got {'neither' if readout is None else 'both'}")
         if not 0 < gain <= 1000:
             raise ValueError(f"gain must lie in (0, 1000], got {gain:g}")
+        optics = _optics(camera, focal_px, readout, row_time, direction, noise)
         moved, said = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
         photo = still.read(source, Transfer(transfer) if transfer else None)
-        staged = stage(
-            *photo.pixels.shape[:2],
-            motion=moved,
-            focal=focal_px,
-            exposure=hand_held("exposure", seconds("exposure", exposure), zero=False),
-            readout=hand_held("readout", seconds("readout", readout), zero=True) if readout is not None else None,
-            row_time=seconds("row-time", row_time) if row_time is not None else None,
-            direction=Direction(direction),
-            frame=_rows_cols(size) if size else None,
-            roll=motion == "rotation",
-            blur=blur_px,
-        )
-        level = Noise(sigma=noise)
+        staged = _staged(photo, moved, optics, exposure, size, roll=motion == "rotation", blur=blur_px)
     except UnreadableError:
         raise
     except ValueError as error:
         raise RefusedError(str(error)) from error
+    rendering = _rendered(photo, staged, optics.noise, gain=gain, samples=samples, seed=seed)
+    case = {"source": source.name, "motion": said, "roll": motion == "rotation", "transfer": photo.transfer.value, **optics.said}
+    case |= {"gain": gain, "samples": samples, "seed": seed}
+    _write(files, kinds, photo, rendering, staged, case, bits)
 
-    camera, timing, curve = staged.camera, staged.timing, staged.trajectory
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Optics:
+    """The camera that options and profile describe together."""
+
+    focal: float | None  # px; this or a lens
+    lens: "Intrinsics | None"  # in the profile's own pixels
+    noise: "Noise"
+    readout: float | None  # s; this or row_time
+    row_time: float | None  # s
+    direction: "Direction"
+    said: dict[str, object]  # what case.json says of it beyond the stage
+
+
+def _optics(
+    camera: str | None, focal_px: float | None, readout: str | None, row_time: str | None, direction: str | None, noise: float | None
+) -> _Optics:
+    """What the options say, and the profile where they do not."""
+    from rsvideo.config.quantity import hand_held, seconds
+    from rsvideo.physics.noise import Noise
+    from rsvideo.physics.shutter import Direction
+    from rsvideo.shooting import profiles
+
+    profile = profiles.find(camera) if camera is not None else None
+    facts = profiles.for_clip(profile, profile.mode.rows, profile.mode.cols, None)[0] if profile else None
+    lens = facts.intrinsics if facts and focal_px is None else None
+    if focal_px is None and lens is None:
+        raise ValueError(f"the lens needs --focal-px, {f'{facts.profile} has no intrinsics' if facts else 'or a profile, by --camera'}")
+    read = facts.readout.value if facts and facts.readout and readout is None and row_time is None else None
+    if read is None and (readout is None) == (row_time is None):
+        raise ValueError(f"the shutter needs either --readout or --row-time, got {'neither' if readout is None else 'both'}")
+    if readout is not None:
+        read = hand_held("readout", seconds("readout", readout), zero=True)
+    given = facts.noise if facts and noise is None else None
+    sigma = USUAL_NOISE if noise is None else noise
+    level = given or Noise.at_half(sigma)
+    words: dict[str, object] = {"noise_sigma_linear": sigma}
+    if given:
+        words = {"noise": {"read": given.read, "shot": given.shot}}
+    stated = facts.direction.value if facts and facts.direction else Direction.TOP_TO_BOTTOM
+    return _Optics(
+        focal=focal_px,
+        lens=lens,
+        noise=level,
+        readout=read,
+        row_time=seconds("row-time", row_time) if row_time is not None else None,
+        direction=Direction(direction) if direction else stated,
+        said=words | ({"camera": camera} if camera else {}),
+    )
+
+
+def _staged(
+    photo: "Still", motion: "Motion", optics: _Optics, exposure: str, size: str | None, *, roll: bool, blur: float | None
+) -> "Stage":
+    from rsvideo.config.quantity import hand_held, seconds
+    from rsvideo.physics.staging import stage
+
+    return stage(
+        *photo.pixels.shape[:2],
+        motion=motion,
+        focal=optics.focal,
+        lens=optics.lens,
+        exposure=hand_held("exposure", seconds("exposure", exposure), zero=False),
+        readout=optics.readout,
+        row_time=optics.row_time,
+        direction=optics.direction,
+        frame=_rows_cols(size) if size else None,
+        roll=roll,
+        blur=blur,
+    )
+
+
+def _rendered(photo: "Still", staged: "Stage", noise: "Noise", *, gain: float, samples: int, seed: int) -> "Rendering":
+    import numpy as np
+
+    from rsvideo.cli.progress import bar
+    from rsvideo.physics.simulate import render
+
     with bar() as show:
-        rendering = render(
+        return render(
             photo.pixels,
-            camera=camera,
-            timing=timing,
-            trajectory=curve,
-            noise=level,
+            camera=staged.camera,
+            timing=staged.timing,
+            trajectory=staged.trajectory,
+            noise=noise,
             rng=np.random.default_rng([seed, 1]),  # not the hand's numbers
             samples=samples,
             gain=gain,
             tell=lambda fraction: show("rendering", fraction),
         )
+
+
+def _write(
+    files: list[Path], kinds: tuple, photo: "Still", rendering: "Rendering", staged: "Stage", case: dict[str, object], bits: str | None
+) -> None:
+    from importlib.metadata import version
+
+    from rsvideo.config.files import write_whole
+    from rsvideo.physics.simulate import extent
+    from rsvideo.pipeline import simulated_case
+    from rsvideo.stills import still
+
     codes = replace(photo.codes, samples=_blank(photo.codes.samples.dtype, bits), alpha=None, exif=None)  # EXIF is of the sharp one
     photo = replace(photo, codes=codes)
-    case = {
-        "source": source.name,
-        "motion": said,
-        "roll": motion == "rotation",
-        "transfer": photo.transfer.value,
-        "noise_sigma_linear": noise,
-        "gain": gain,
-        "samples": samples,
-        "seed": seed,
-        "rsvideo": version("rsvideo"),
-    }
     pictures = [still.encode(photo, light, kind)[0] for light, kind in zip((rendering.blurred, rendering.truth), kinds, strict=True)]
-    write_whole(dict(zip(files, [*pictures, simulated_case.motion_csv(staged), simulated_case.case_json(staged, case)], strict=True)))
-    reach = extent(camera=camera, timing=timing, trajectory=curve)
-    print(f"rsvideo: rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {output}", file=sys.stderr)
+    beside = [simulated_case.motion_csv(staged), simulated_case.case_json(staged, {**case, "rsvideo": version("rsvideo")})]
+    write_whole(dict(zip(files, [*pictures, *beside], strict=True)))
+    camera = staged.camera
+    reach = extent(camera=camera, timing=staged.timing, trajectory=staged.trajectory)
+    print(f"rsvideo: rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {files[0]}", file=sys.stderr)
 
 
 def _check_names(files: list[Path], source: Path, *, overwrite: bool) -> None:

@@ -12,10 +12,21 @@ from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    JsonValue,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.physics import distortion
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 MOST_BYTES = 100_000_000
@@ -97,8 +108,22 @@ class FrameRecord(_Record):
         return self.model_dump_json(exclude=unsaid).encode()
 
 
+class Lens(_Record):
+    """How the lens bends rays, in OpenCV's models and order of coefficients."""
+
+    model: distortion.Model
+    coefficients: list[Finite]
+
+
+class SensorNoise(_Record):
+    """The variance of a pixel at light L in [0, 1]: read^2 + shot * L."""
+
+    read: Finite
+    shot: Finite
+
+
 class Camera(_Record):
-    """The pinhole camera that was assumed, in pixels, and where its focal length came from."""
+    """The camera that was assumed, in pixels, and where its focal length came from."""
 
     fx: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     fy: Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -107,16 +132,40 @@ class Camera(_Record):
     rows: Annotated[int, Field(gt=0)]
     cols: Annotated[int, Field(gt=0)]
     source: str  # "explicit", "EXIF", "assumed", or the profile or metadata that said so
+    distortion: Lens | None = None  # None: a pinhole camera
+    noise: SensorNoise | None = None  # None: measured in each frame
 
     @classmethod
-    def of(cls, intrinsics: Intrinsics, source: str) -> "Camera":
-        """The record of a camera."""
-        return cls.model_validate({**vars(intrinsics), "source": source})
+    def of(cls, intrinsics: Intrinsics, source: str, noise: Noise | None = None) -> "Camera":
+        """The record of a camera, and of its sensor's noise where that is given."""
+        lens = intrinsics.distortion
+        return cls(
+            fx=intrinsics.fx,
+            fy=intrinsics.fy,
+            cx=intrinsics.cx,
+            cy=intrinsics.cy,
+            rows=intrinsics.rows,
+            cols=intrinsics.cols,
+            source=source,
+            distortion=Lens(model=lens.model, coefficients=list(lens.coefficients)) if lens else None,
+            noise=SensorNoise(read=noise.read, shot=noise.shot) if noise else None,
+        )
 
     @property
     def intrinsics(self) -> Intrinsics:
         """The camera itself."""
-        return Intrinsics(**self.model_dump(exclude={"source"}))
+        lens = self.distortion
+        bends = distortion.Distortion(model=lens.model, coefficients=tuple(lens.coefficients)) if lens else None
+        return Intrinsics(fx=self.fx, fy=self.fy, cx=self.cx, cy=self.cy, rows=self.rows, cols=self.cols, distortion=bends)
+
+    @property
+    def sensor_noise(self) -> Noise | None:
+        """What the noise is at each light, where the camera's profile gives it."""
+        return Noise(read=self.noise.read, shot=self.noise.shot) if self.noise else None
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_not_given(self, write: SerializerFunctionWrapHandler) -> dict[str, JsonValue]:
+        return {key: value for key, value in write(self).items() if value is not None}
 
 
 class Settings(_Record):

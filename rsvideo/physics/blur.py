@@ -11,8 +11,10 @@ from jaxtyping import Float, Int
 from numba import njit, prange
 from scipy.spatial.transform import Rotation
 
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.bent import bent, packed
+from rsvideo.physics.camera import Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
+from rsvideo.physics.rotation import cross, left_jacobian
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.physics.warp import taps
@@ -26,8 +28,9 @@ class BlurOperator:
     """b = K(theta) l, Eq. (5) and (7), with bilinear interpolation.
 
     A trajectory of three axes turns the camera: every pixel and time sample goes through the homography C R C^-1 of Eq. (4), with
-    R = exp([(pitch, yaw, roll)]_x), yaw = x / fx, pitch = -y / fy. One of two axes is the paper's shift: all pixels of a scanline
-    move alike. The latent image reaches `margin` beyond the frame on every side; samples beyond that see nothing.
+    R = exp([(pitch, yaw, roll)]_x), yaw = x / fx, pitch = -y / fy, and through the lens where it distorts. One of two axes is the
+    paper's shift: all pixels of a scanline move alike. The latent image reaches `margin` beyond the frame on every side; samples
+    beyond that see nothing.
     """
 
     timing: ShutterTiming
@@ -45,7 +48,7 @@ class BlurOperator:
         if bare.is_shift:
             x, y = np.abs(bare.displacement).max(axis=(0, 1)) @ np.abs(timing.direction.pose_from_scanlines[:2, :2]).T
         else:
-            x, y = _reach(bare._maps, bare._image_from_scan, timing.rows, bare._along)
+            x, y = _reach(bare._maps, bare._camera, bare._image_from_scan)
         return cls(
             timing=timing,
             trajectory=trajectory,
@@ -87,7 +90,7 @@ class BlurOperator:
         if self.is_shift:
             _shift_forward(L, *self._taps(latent.dtype), out)
         else:
-            _turn_forward(L, self._maps, *self._scan_margin, out)
+            _turn_forward(L, self._maps, self._ideal, packed(self._camera), *self._scan_margin, out)
         return self._image(out)
 
     def adjoint(self, frame: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows latent_cols"]:
@@ -100,7 +103,7 @@ class BlurOperator:
             _shift_adjoint(b, *self._taps(frame.dtype), out)
             return self._image(out)
         parts = np.zeros((min(PARTS, numba.get_num_threads()), *shape), frame.dtype)
-        _turn_adjoint(b, self._maps, top, left, parts)
+        _turn_adjoint(b, self._maps, self._ideal, packed(self._camera), top, left, parts)
         return self._image(parts.sum(axis=0))
 
     def jacobian(self, latent: Float[np.ndarray, "latent_rows latent_cols"]) -> Float[np.ndarray, "terms axes rows cols"]:
@@ -114,7 +117,7 @@ class BlurOperator:
             P = self.timing.direction.pose_from_scanlines[:2, :2].astype(latent.dtype)
             out = np.einsum("as,tsij->taij", P, out)
         else:
-            _turn_jacobian(L, self._maps, self._map_derivatives, J_p, *self._scan_margin, out)
+            _turn_jacobian(L, self._maps, self._map_derivatives, self._ideal, packed(self._camera), J_p, *self._scan_margin, out)
         return np.ascontiguousarray(np.array([[self.timing.direction.image(part) for part in term] for term in out]))
 
     def psf(self, row: int, col: int) -> Float[np.ndarray, "k k"]:
@@ -188,9 +191,19 @@ class BlurOperator:
         omega, R = self._rotations
         fx, fy = self.intrinsics.fx, self.intrinsics.fy
         d_omega = np.array([[0, 1 / fx, 0], [-1 / fy, 0, 0], [0, 0, 1.0]])  # of (x, y, roll), a row each
-        turned = d_omega @ _left_jacobian(omega).swapaxes(-1, -2)
-        dR = _cross(turned) @ R[:, None]
+        turned = d_omega @ left_jacobian(omega).swapaxes(-1, -2)
+        dR = cross(turned) @ R[:, None]
         return (left @ dR @ right).reshape(*self._times.shape, 3, 3, 3)
+
+    @cached_property
+    def _camera(self) -> Intrinsics:
+        return self.intrinsics.along(self.timing.direction)
+
+    @cached_property
+    def _ideal(self) -> Float[np.ndarray, "scanlines along 2"]:
+        """Where a pinhole camera would show what the frame's pixels show, in scanline coordinates, which `_maps` take."""
+        x, y = np.meshgrid(np.arange(self._along, dtype=float), np.arange(self.timing.rows, dtype=float))
+        return pinhole_from_px(self._camera, x, y)
 
     @property
     def _around(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
@@ -198,31 +211,15 @@ class BlurOperator:
         return around, np.linalg.inv(around)
 
 
-def _cross(v: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
-    """[v]_x, footnote 1 of the paper."""
-    out = np.zeros((*v.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    return out - out.swapaxes(-1, -2)
-
-
-def _left_jacobian(omega: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """J with d exp([w]_x) = [J dw]_x exp([w]_x)."""
-    angle = np.linalg.norm(omega, axis=1)[:, None, None]
-    W = _cross(omega)
-    first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2
-    series = 1 / 6 - angle**2 / 120 + angle**4 / 5040
-    second = np.where(angle < 0.05, series, (angle - np.sin(angle)) / np.maximum(angle, 0.05) ** 3)
-    return np.eye(3) + first * W + second * W @ W
-
-
-def _reach(maps: Float[np.ndarray, "s k 3 3"], image_from_scan: Float[np.ndarray, "3 3"], rows: int, along: int) -> tuple[float, float]:
+def _reach(maps: Float[np.ndarray, "s k 3 3"], camera: Intrinsics, image_from_scan: Float[np.ndarray, "3 3"]) -> tuple[float, float]:
     """The largest move of any pixel in the image's x and y."""
-    x, y = np.meshgrid(np.linspace(0, along - 1, 5), np.arange(rows))
-    at = np.stack([x, y, np.ones_like(x)])  # (3, scanlines, 5)
+    x, y = np.meshgrid(np.linspace(0, camera.cols - 1, 5), np.arange(camera.rows, dtype=float))
+    at = np.concatenate([np.moveaxis(pinhole_from_px(camera, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, 5)
     seen = np.einsum("skab,bsc->aksc", maps, at)
     if not (seen[2] > 0.1).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    move = np.abs(image_from_scan[:2, :2]) @ np.abs(seen[:2] / seen[2] - at[:2, None]).reshape(2, -1)
+    shown = np.moveaxis(px_from_pinhole(camera, seen[0] / seen[2], seen[1] / seen[2]), -1, 0)
+    move = np.abs(image_from_scan[:2, :2]) @ np.abs(shown - np.stack([x, y])[:, None]).reshape(2, -1)
     return float(move[0].max()), float(move[1].max())
 
 
@@ -318,7 +315,7 @@ def _seen(H, x, y):
 
 @no_type_check
 @njit(cache=True, fastmath=True, parallel=True)
-def _turn_forward(L, maps, top, left, out):
+def _turn_forward(L, maps, ideal, lens, top, left, out):
     rows, cols = L.shape
     lines, along = out.shape
     samples = maps.shape[1]
@@ -326,7 +323,8 @@ def _turn_forward(L, maps, top, left, out):
         for j in range(along):
             total = 0.0
             for k in range(samples):
-                x, y, _ = _seen(maps[i, k], j, i)
+                x, y, _ = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                x, y, _, _, _, _ = bent(x, y, lens)
                 c, r = int(np.floor(x)), int(np.floor(y))
                 a, b = x - c, y - r
                 for m in range(2):
@@ -339,7 +337,7 @@ def _turn_forward(L, maps, top, left, out):
 
 @no_type_check
 @njit(cache=True, fastmath=True, parallel=True)
-def _turn_adjoint(frame, maps, top, left, parts):
+def _turn_adjoint(frame, maps, ideal, lens, top, left, parts):
     count, rows, cols = parts.shape
     lines, along = frame.shape
     samples = maps.shape[1]
@@ -348,7 +346,8 @@ def _turn_adjoint(frame, maps, top, left, parts):
             for j in range(along):
                 value = frame[i, j] / samples
                 for k in range(samples):
-                    x, y, _ = _seen(maps[i, k], j, i)
+                    x, y, _ = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                    x, y, _, _, _, _ = bent(x, y, lens)
                     c, r = int(np.floor(x)), int(np.floor(y))
                     a, b = x - c, y - r
                     for m in range(2):
@@ -360,7 +359,7 @@ def _turn_adjoint(frame, maps, top, left, parts):
 
 @no_type_check
 @njit(cache=True, fastmath=True, parallel=True)
-def _turn_jacobian(L, maps, derivatives, J_p, top, left, out):
+def _turn_jacobian(L, maps, derivatives, ideal, lens, J_p, top, left, out):
     rows, cols = L.shape
     terms, _, lines, along = out.shape
     samples = maps.shape[1]
@@ -369,22 +368,25 @@ def _turn_jacobian(L, maps, derivatives, J_p, top, left, out):
         for j in range(along):
             total[:] = 0
             for k in range(samples):
-                x, y, w = _seen(maps[i, k], j, i)
+                u, v, w = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                x, y, xu, xv, yu, yv = bent(u, v, lens)
                 c, r = int(np.floor(x)), int(np.floor(y))
                 a, b = x - c, y - r
                 L_x, L_y = 0.0, 0.0
                 for m in range(2):
                     for n in range(2):
-                        u, v = r + m + top, c + n + left
-                        if 0 <= u < rows and 0 <= v < cols:
-                            L_x += (b if m else 1 - b) * (2 * n - 1) * L[u, v]
-                            L_y += (a if n else 1 - a) * (2 * m - 1) * L[u, v]
+                        row, col = r + m + top, c + n + left
+                        if 0 <= row < rows and 0 <= col < cols:
+                            L_x += (b if m else 1 - b) * (2 * n - 1) * L[row, col]
+                            L_y += (a if n else 1 - a) * (2 * m - 1) * L[row, col]
+                L_u, L_v = L_x * xu + L_y * yu, L_x * xv + L_y * yv
                 for q in range(3):
                     D = derivatives[i, k, q]
-                    d_w = D[2, 0] * j + D[2, 1] * i + D[2, 2]
-                    d_x = (D[0, 0] * j + D[0, 1] * i + D[0, 2] - x * d_w) / w
-                    d_y = (D[1, 0] * j + D[1, 1] * i + D[1, 2] - y * d_w) / w
-                    slope = L_x * d_x + L_y * d_y
+                    s, t = ideal[i, j, 0], ideal[i, j, 1]
+                    d_w = D[2, 0] * s + D[2, 1] * t + D[2, 2]
+                    d_u = (D[0, 0] * s + D[0, 1] * t + D[0, 2] - u * d_w) / w
+                    d_v = (D[1, 0] * s + D[1, 1] * t + D[1, 2] - v * d_w) / w
+                    slope = L_u * d_u + L_v * d_v
                     for p in range(terms):
                         total[p, q] += slope * J_p[i, k, p]
             for p in range(terms):

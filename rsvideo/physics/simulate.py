@@ -1,7 +1,8 @@
 """Renders what a rolling-shutter camera records of a sharp photograph, and the sharp truth beside it.
 
-For every scanline and every time sample the full homography C R C^-1 (Eq. 4), with R = exp([(pitch, yaw, roll)]_x); Catmull-Rom
-sampling at exact positions in linear light. This is the slow twin of the blur operator and shares nothing with it but the nouns.
+For every scanline and every time sample the full homography C R C^-1 (Eq. 4), with R = exp([(pitch, yaw, roll)]_x), between
+undistorted rays where the lens distorts; Catmull-Rom sampling at exact positions in linear light, of a photograph that was taken
+through the same lens. This is the slow twin of the blur operator and shares nothing with it but the nouns.
 """
 
 import math
@@ -14,24 +15,15 @@ from jaxtyping import Float, Float32
 from numba import njit, prange
 from scipy.spatial.transform import Rotation
 
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.bent import bent, packed
+from rsvideo.physics.camera import Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 
 BAND = 32  # scanlines rendered between two calls of `tell`, and before an interrupt is seen
 SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
-
-
-@dataclass(frozen=True, kw_only=True)
-class Noise:
-    """Gaussian read noise and shot noise: at linear light v in [0, 1] the variance is sigma^2 (1/2 + v)."""
-
-    sigma: float  # standard deviation at v = 1/2, where half the variance is shot noise
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.sigma) and 0 <= self.sigma < 1):
-            raise ValueError(f"noise must lie in [0, 1) of white, got {self.sigma:g}; is it in 8-bit codes?")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +52,7 @@ def render(
     `tell` is given the fraction that is done.
     """
     blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, tell=tell)
-    blurred = blurred + rng.standard_normal(blurred.shape) * noise.sigma * np.sqrt(0.5 + np.maximum(blurred, 0))
+    blurred = blurred + rng.standard_normal(blurred.shape) * noise.at(blurred)
     truth = gain * still(scene, camera=camera, pose=trajectory.at(np.array([timing.middle]))[0])
     return Rendering(blurred=np.clip(blurred, 0, 1).astype(np.float32), truth=np.clip(truth, 0, 1).astype(np.float32))
 
@@ -96,7 +88,7 @@ def still(
 
 
 def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> Float[np.ndarray, "n 3 3"]:
-    """C R C^-1 of each pose: takes a pixel of the camera at that time to the pixel of the latent image that it sees."""
+    """C R C^-1 of each pose: takes a pixel of the camera at that time to the pixel of the latent image that it sees, without distortion."""
     R = Rotation.from_rotvec(angles_from_poses(poses, camera=camera)).as_matrix()
     C = camera.matrix
     return C @ R @ np.linalg.inv(C)
@@ -106,16 +98,17 @@ def margin(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory)
     """Rows and columns of scene needed beyond each edge of the frame, so that no sample falls outside the scene."""
     poses = trajectory.at(np.linspace(*timing.interval, 257))
     xs, ys = np.array([0.0, camera.cx, camera.cols - 1]), np.array([0.0, camera.cy, camera.rows - 1])
-    corners = np.stack([*(a.ravel() for a in np.meshgrid(xs, ys)), np.ones(9)])
-    seen = homographies(poses, camera=camera) @ corners
+    x, y = (part.ravel() for part in np.meshgrid(xs, ys))
+    seen = homographies(poses, camera=camera) @ np.stack([*pinhole_from_px(camera, x, y).T, np.ones(9)])
     if not (seen[:, 2] > 0.1).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    move = np.abs(seen[:, :2] / seen[:, 2:] - corners[:2]).max(axis=(0, 2))
+    shown = px_from_pinhole(camera, seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2])
+    move = np.abs(shown - np.stack([x, y], axis=-1)).max(axis=(0, 1))
     return math.ceil(move[1]) + 3, math.ceil(move[0]) + 3
 
 
 def extent(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> float:
-    """Pixels from end to end of the longest PSF, over all scanlines and at the frame's centre and corners, to first order."""
+    """Pixels from end to end of the longest PSF, over all scanlines and the frame's centre and corners, to first order, undistorted."""
     times = timing.row_start()[:, None] + np.linspace(0, timing.exposure, 33)
     poses = trajectory.at(times.ravel()).reshape(timing.rows, 33, -1)
     x = np.array([camera.cx, 0, 0, camera.cols - 1, camera.cols - 1]) - camera.cx
@@ -159,18 +152,19 @@ def _sampled_through(
     if rows < camera.rows or cols < camera.cols:
         raise ValueError(f"the scene must be at least as large as the frame ({camera.rows} x {camera.cols}), got {rows} x {cols}")
     top, left = float((rows - camera.rows) // 2), float((cols - camera.cols) // 2)
-    scene, x, y, maps = (np.ascontiguousarray(part) for part in (scene, x, y, maps))
-    bands = []
+    ideal = pinhole_from_px(camera, x, y)
+    scene, x, y, maps = (np.ascontiguousarray(part) for part in (scene, ideal[..., 0], ideal[..., 1], maps))
+    lens, bands = packed(camera), []
     for start in range(0, len(x), BAND):
         band = slice(start, start + BAND)
-        bands.append(_mean_of_samples(scene, x[band], y[band], maps[band], left, top))
+        bands.append(_mean_of_samples(scene, x[band], y[band], maps[band], lens, left, top))
         tell(min(start + BAND, len(x)) / len(x))
     return np.concatenate(bands)
 
 
 @no_type_check
 @njit(cache=True, parallel=True)
-def _mean_of_samples(scene, x, y, maps, left, top):
+def _mean_of_samples(scene, x, y, maps, lens, left, top):
     rows, cols, channels = scene.shape
     lines, along = x.shape
     samples = maps.shape[1]
@@ -182,8 +176,10 @@ def _mean_of_samples(scene, x, y, maps, left, top):
             for k in range(samples):
                 H = maps[i, k]
                 w = H[2, 0] * x[i, j] + H[2, 1] * y[i, j] + H[2, 2]
-                u = (H[0, 0] * x[i, j] + H[0, 1] * y[i, j] + H[0, 2]) / w + left
-                v = (H[1, 0] * x[i, j] + H[1, 1] * y[i, j] + H[1, 2]) / w + top
+                u = (H[0, 0] * x[i, j] + H[0, 1] * y[i, j] + H[0, 2]) / w
+                v = (H[1, 0] * x[i, j] + H[1, 1] * y[i, j] + H[1, 2]) / w
+                u, v, _, _, _, _ = bent(u, v, lens)
+                u, v = u + left, v + top
                 u0, v0 = int(np.floor(u)), int(np.floor(v))
                 a, b = u - u0, v - v0
                 for m in range(4):

@@ -15,6 +15,7 @@ from rsvideo.physics.simulate import margin, scaled_to
 from rsvideo.physics.trajectory import Trajectory, centred, fit, still
 
 SMALLEST = 16  # px, either side of a frame
+_SAME_SHAPE = 0.005  # of the ratio of columns to rows, which whole pixels may change
 AXES = ("x", "y", "roll")
 
 Motion = Callable[[Intrinsics, ShutterTiming], Trajectory]  # how a frame of this camera and timing is moved
@@ -70,7 +71,8 @@ def stage(
     scene_cols: int,
     *,
     motion: Motion,
-    focal: float,
+    focal: float | None = None,
+    lens: Intrinsics | None = None,
     exposure: float,
     readout: float | None = None,
     row_time: float | None = None,
@@ -81,26 +83,30 @@ def stage(
 ) -> Stage:
     """The largest frame (or one of the rows and columns of `frame`) in the middle of a scene that never sees past its edges.
 
-    The shutter has a readout or a row time. `roll` False leaves the roll out, `blur` scales the motion to so many pixels.
+    The camera has either a `focal` length in px or a `lens`: a camera of another frame size, whose whole picture the frame then is,
+    in its ratio of columns to rows. The shutter has a readout or a row time. `roll` False leaves the roll out, `blur` scales the
+    motion to so many pixels.
     """
     if (readout is None) == (row_time is None):
         raise ValueError("a shutter has either a readout or a row time")
+    if (focal is None) == (lens is None):
+        raise ValueError("a camera has either a focal length or a lens")
     rows, cols = frame or (scene_rows, scene_cols)
+    if lens and frame and abs(rows * lens.cols / (cols * lens.rows) - 1) > _SAME_SHAPE:
+        raise ValueError(f"the frame must have the shape of the camera's, {lens.cols} x {lens.rows} px, got {cols} x {rows}")
     while True:
+        if lens and not frame:
+            rows, cols = min(rows, round(cols * lens.rows / lens.cols)), min(cols, round(rows * lens.cols / lens.rows))
         if min(rows, cols) < SMALLEST:
             raise ValueError(
                 f"the scene, {scene_cols} x {scene_rows} px, must be larger than the motion's reach by a frame of {SMALLEST} px;"
                 " is the motion too large, or the focal length not in pixels?"
             )
-        camera = Intrinsics.centred(focal=focal, rows=rows, cols=cols)
+        camera = lens.scaled(rows, cols) if lens else Intrinsics.centred(focal=focal or 0.0, rows=rows, cols=cols)
         lines = cols if direction in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT) else rows
         per_line = row_time if row_time is not None else (readout or 0.0) / lines
         timing = ShutterTiming(exposure=exposure, row_time=per_line, rows=lines, direction=direction)
-        curve = centred(motion(camera, timing), timing.middle)
-        if not roll and curve.coefficients.shape[1] == 3:
-            curve = curve.with_coefficients(curve.coefficients * [1, 1, 0])
-        if blur is not None:
-            curve = scaled_to(blur, camera=camera, timing=timing, trajectory=curve)
+        curve = _moved(motion, camera, timing, roll=roll, blur=blur)
         above, beside = margin(camera=camera, timing=timing, trajectory=curve)
         if rows + 2 * above <= scene_rows and cols + 2 * beside <= scene_cols:
             return Stage(camera=camera, timing=timing, trajectory=curve)
@@ -110,3 +116,10 @@ def stage(
                 f" {cols + 2 * beside} x {rows + 2 * above} px, got {scene_cols} x {scene_rows}; choose a smaller frame or blur"
             )
         rows, cols = min(rows, scene_rows - 2 * above), min(cols, scene_cols - 2 * beside)
+
+
+def _moved(motion: Motion, camera: Intrinsics, timing: ShutterTiming, *, roll: bool, blur: float | None) -> Trajectory:
+    curve = centred(motion(camera, timing), timing.middle)
+    if not roll and curve.coefficients.shape[1] == 3:
+        curve = curve.with_coefficients(curve.coefficients * [1, 1, 0])
+    return curve if blur is None else scaled_to(blur, camera=camera, timing=timing, trajectory=curve)

@@ -44,8 +44,8 @@ def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: Shutter
     poses = trajectory.at(times)
     if poses.shape[1] == 2:
         return 1
-    edge = np.array([0.0, (intrinsics.cols - 1) / 2, intrinsics.cols - 1.0])
-    x, y = np.meshgrid(edge, np.array([0.0, intrinsics.rows - 1.0]))
+    parts, rows = (8, 3) if intrinsics.distortion else (2, 2)  # a lens bends paths quickest somewhere between middle and edge
+    x, y = np.meshgrid(np.linspace(0, intrinsics.cols - 1, parts + 1), np.linspace(0, intrinsics.rows - 1, rows))
     moved = turned(intrinsics, x[..., None] + 0 * times, y[..., None] + 0 * times, np.broadcast_to(poses, (*x.shape, *poses.shape)))
     within = max(1, round(len(times) * timing.exposure / timing.interval[1]))  # only what moves within one exposure blurs
     change = np.diff(moved, axis=1)  # between columns
@@ -54,7 +54,7 @@ def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: Shutter
         for i in range(len(times) - within + 1)
     )
     whole = float(np.linalg.norm(change, axis=-1).max())  # a shift of whole scanlines, blended between tiles
-    count = max(spread / (2 * tolerance), whole / (6 * tolerance))
+    count = parts / 2 * max(spread / (2 * tolerance), whole / (6 * tolerance))
     return int(np.clip(np.ceil(count), 1, max(1, intrinsics.cols // NARROWEST)))
 
 
@@ -63,8 +63,8 @@ def displacement(
 ) -> Float[np.ndarray, "rows samples 2"]:
     """Where the tile's scanlines sample the latent image over their exposures, relative to the pixel."""
     poses = trajectory.at(timing.sample_times(samples))
-    rows = np.broadcast_to(np.arange(timing.rows, dtype=float)[:, None], poses.shape[:2])
-    return turned(intrinsics, np.full(poses.shape[:2], tile.middle), rows, poses)
+    rows = np.arange(timing.rows, dtype=float)[:, None]
+    return turned(intrinsics, np.full(rows.shape, tile.middle), rows, poses)
 
 
 def levers(tile: Tile, intrinsics: Intrinsics, rows: int, axes: int) -> Float[np.ndarray, "rows 2 axes"]:

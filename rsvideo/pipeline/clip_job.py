@@ -132,6 +132,7 @@ class ClipTask:
             timing=self.timing,
             timing_source=self.timing_source,
             intrinsics=self.camera.intrinsics,
+            noise=self.camera.sensor_noise,
         )
 
     def pictures(self, first: int | None = None, last: int | None = None) -> Iterator[Picture]:
@@ -221,8 +222,9 @@ def span(job: ClipJob, stream: Stream) -> tuple[int, int]:
 
 def _camera(job: ClipJob, clip: clip_facts.KnownClip) -> sidecar.Camera:
     rows, cols = clip.stream.rows, clip.stream.cols
+    noise = clip.profile.noise if clip.profile else None
     if job.focal_px is None and clip.profile and clip.profile.intrinsics:
-        return sidecar.Camera.of(clip.profile.intrinsics, clip.profile.profile)
+        return sidecar.Camera.of(clip.profile.intrinsics, clip.profile.profile, noise)
     if job.focal_px is not None:
         focal, source = job.focal_px, "explicit"
     elif clip.focal is not None:
@@ -234,7 +236,7 @@ def _camera(job: ClipJob, clip: clip_facts.KnownClip) -> sidecar.Camera:
             f"focal-px must be given, {job.source} does not say its focal length; it is about 0.7 to 0.9 times the longer side"
             " for most phones, focal length / sensor's width * columns for cameras; --motion shift does without"
         )
-    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source)
+    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source, noise)
 
 
 def _gyro(

@@ -129,8 +129,9 @@ def _camera(job: Job, photograph: Still, said: profiles.Facts | None) -> tuple[s
     rows, cols = photograph.pixels.shape[:2]
     longer = max(rows, cols)
     notes: tuple[str, ...] = ()
+    noise = said.noise if said else None
     if job.focal_px is None and said and said.intrinsics:
-        return sidecar.Camera.of(said.intrinsics, said.profile), notes
+        return sidecar.Camera.of(said.intrinsics, said.profile, noise), notes
     if job.focal_px is not None:
         focal, source = job.focal_px, "explicit"
         if focal < _WIDEST * longer:
@@ -150,4 +151,4 @@ def _camera(job: Job, photograph: Still, said: profiles.Facts | None) -> tuple[s
         )
     else:
         focal, source = float(longer), "assumed"  # a shift does not depend on it
-    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source), notes
+    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source, noise), notes

@@ -10,6 +10,7 @@ from rsvideo.baselines import gyro, nonuniform, rectify, stitch, uniform
 from rsvideo.config.method import Method
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline.gyro_alignment import Gyro
@@ -30,6 +31,7 @@ class Treatment:
     timing: ShutterTiming
     timing_source: str
     intrinsics: Intrinsics
+    noise: Noise | None = None  # of the sensor; None is measured in each frame
 
 
 def photograph(asked: Treatment, frame: Frame, trajectory: Trajectory | None, observe: Callable[[Iterate], None]) -> FrameResult:
@@ -48,6 +50,7 @@ def photograph(asked: Treatment, frame: Frame, trajectory: Trajectory | None, ob
             timing_source=asked.timing_source,
             trajectory=trajectory,
             start=start,
+            noise=asked.noise,
             observe=observe,
         )
     return _single(asked, frame, None, None)

@@ -25,7 +25,7 @@ def motion_csv(staged: Stage) -> bytes:
 
 def case_json(staged: Stage, said: Mapping[str, object]) -> bytes:
     """The stage in numbers, and what else is to be said of the rendering."""
-    camera, timing = staged.camera, staged.timing
+    camera, timing, lens = staged.camera, staged.timing, staged.camera.distortion
     case = {
         "kind": "still",
         "exposure_s": timing.exposure,
@@ -36,6 +36,7 @@ def case_json(staged: Stage, said: Mapping[str, object]) -> bytes:
         "cols": camera.cols,
         "focal_px": camera.fx,
         "blur_px": round(extent(camera=camera, timing=timing, trajectory=staged.trajectory), 3),
+        **({"distortion": {"model": lens.model, "coefficients": lens.coefficients}} if lens else {}),
         **said,
     }
     return (json.dumps(case, indent=1) + "\n").encode()

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
-from rsvideo.physics.camera import Intrinsics, homography, projected, turned
+from rsvideo.physics.camera import Intrinsics, resampled_at, turned
 
 SMOOTHING = 0.4  # s, standard deviation of the Gaussian that smooths the path
 MOST_CROP = 1.25  # the largest enlargement; a path that needs more is smoothed less
@@ -53,6 +53,6 @@ def shown(
     rows, cols = pixels.shape[:2]
     x, y = np.meshgrid(np.arange(cols, dtype=float), np.arange(rows, dtype=float))
     x, y = (x - (cols - 1) / 2) / enlargement + (cols - 1) / 2, (y - (rows - 1) / 2) / enlargement + (rows - 1) / 2
-    at = projected(homography(intrinsics, turn), x, y).astype(np.float32)
+    at = resampled_at(intrinsics, turn, x, y).astype(np.float32)
     out = cv2.remap(pixels, at[..., 0], at[..., 1], cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE)
     return np.clip(out, 0, 1).reshape(pixels.shape)

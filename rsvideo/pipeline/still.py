@@ -47,6 +47,7 @@ def carry_out(task: Task, observe: Callable[[str, float], None]) -> Outcome:
         timing=task.timing,
         timing_source=task.timing_source,
         intrinsics=task.camera.intrinsics,
+        noise=task.camera.sensor_noise,
     )
     result = methods.photograph(
         asked, Frame(pixels=task.still.pixels, clipped=task.still.clipped), trajectory, lambda at: observe(at.stage, at.fraction)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rsvideo.config.sidecar import FrameRecord, Sidecar
+from rsvideo.physics.camera import turned
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 FORMATS = ("png", "pdf", "svg")
@@ -132,6 +133,8 @@ def _trace(point: Float[np.ndarray, "2"], sidecar: Sidecar, record: FrameRecord,
     }[timing.direction]
     t = scanline * timing.row_time + (np.arange(_INSTANTS) + 0.5) / _INSTANTS * timing.exposure
     x, y, roll = (np.interp(t, record.trajectory.t_s, column) for column in record.trajectory.poses().T)
+    if camera.distortion:
+        return -turned(camera.intrinsics, point[:1], point[1:], np.stack([x, y, roll], axis=1))
     cx, cy = camera.cx, camera.cy
     return -np.stack([x - roll * (point[1] - cy), y + roll * (point[0] - cx)], axis=1)  # the image moves against the sampling
 

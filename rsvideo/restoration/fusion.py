@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
-from rsvideo.physics.camera import Intrinsics, homography, projected
+from rsvideo.physics.camera import Intrinsics, resampled_at
 from rsvideo.restoration.nonblind import TiledFrame
 
 RIDGE = 0.6  # rho
@@ -74,7 +74,7 @@ def _brought(
     """The other's latent image at the frame's own pose, and where it was seen; elsewhere the frame's own."""
     rows, cols = own.latent.shape[:2]
     x, y = np.meshgrid(np.arange(cols, dtype=float), np.arange(rows, dtype=float))
-    at = projected(homography(intrinsics, own.pose - other.pose), x, y)
+    at = resampled_at(intrinsics, own.pose - other.pose, x, y)
     at = _aligned(_soft(own.latent), _soft(other.latent), at)
     image = _sampled(other.latent, at, cv2.INTER_LANCZOS4)
     inside = np.asarray(((at >= 4) & (at <= np.array([cols, rows]) - 5)).all(axis=-1), np.uint8)

@@ -12,6 +12,7 @@ from jaxtyping import Float
 
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit, still
 from rsvideo.restoration import initialise, psf_fit, sparsity, tracing
@@ -99,16 +100,18 @@ def restore(
     timing_source: str = "explicit",
     trajectory: Trajectory | None = None,
     start: "Known | None" = None,
+    noise: Noise | None = None,
     observe: Callable[[Iterate], None] = ignore,
 ) -> FrameResult:
     """The latent image of `frame` at the pose of the middle of its interval, blind unless a trajectory is given.
 
-    What is known of the trajectory, as a gyroscope's word, can be given as the `start` of the blind method in place of its own.
+    What is known of the trajectory, as a gyroscope's word, can be given as the `start` of the blind method in place of its own; and
+    the sensor's `noise`, which is measured otherwise.
     Trajectories, given and returned, are in image axes. Where the verdict is not RESTORED the latent image is the frame's own.
     """
     started = time.monotonic()
     direction = timing.direction
-    view = along_scanlines(frame, timing, intrinsics)
+    view = along_scanlines(frame, timing, intrinsics, noise)
     turn = direction.pose_from_scanlines
     verdict = Verdict.RESTORED
     path: Trajectory | None = None
@@ -177,24 +180,24 @@ class View:
 
 def intrinsics_along(intrinsics: Intrinsics, timing: ShutterTiming) -> Intrinsics:
     """The camera of the frame turned so that its scanlines run from top to bottom."""
-    way, c = timing.direction, intrinsics
-    if way in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT):
-        c = Intrinsics(fx=c.fy, fy=c.fx, cx=c.cy, cy=c.cx, rows=c.cols, cols=c.rows)
-    if way in (Direction.BOTTOM_TO_TOP, Direction.RIGHT_TO_LEFT):
-        c = replace(c, cy=c.rows - 1 - c.cy)
-    return c
+    return intrinsics.along(timing.direction)
 
 
-def along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics) -> View:
-    """The frame as if it had been read from top to bottom."""
+def along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics, noise: Noise | None = None) -> View:
+    """The frame as if it had been read from top to bottom; its noise is measured where the camera's is not given."""
     way = timing.direction
     pixels = np.ascontiguousarray(way.scanlines(frame.pixels), np.float32)
     return View(
         frame=Frame(pixels=pixels, clipped=np.ascontiguousarray(way.scanlines(frame.clipped)), time=frame.time, index=frame.index),
         timing=replace(timing, direction=Direction.TOP_TO_BOTTOM),
         intrinsics=intrinsics_along(intrinsics, timing),
-        noise=max(sparsity.noise_level(luminance(pixels)) * (math.sqrt(1.8) if pixels.shape[2] == 3 else 1.0), 1e-3),
+        noise=max(noise.over(pixels) if noise else _measured_noise(pixels), 1e-3),
     )
+
+
+def _measured_noise(pixels: Float[np.ndarray, "rows cols channels"]) -> float:
+    """Of each channel, which luminance shows weakened."""
+    return sparsity.noise_level(luminance(pixels)) * (math.sqrt(1.8) if pixels.shape[2] == 3 else 1.0)
 
 
 def observed(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings) -> Scene:

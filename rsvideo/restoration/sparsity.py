@@ -80,7 +80,7 @@ def halved(scene: Scene) -> Scene:
         frame=frame,
         valid=np.floor(valid),  # where one of four is clipped, the whole is
         timing=replace(scene.timing, row_time=2 * scene.timing.row_time, rows=rows),
-        intrinsics=Intrinsics(fx=c.fx / 2, fy=c.fy / 2, cx=c.cx / 2 - 0.25, cy=c.cy / 2 - 0.25, rows=rows, cols=cols),
+        intrinsics=replace(c, fx=c.fx / 2, fy=c.fy / 2, cx=c.cx / 2 - 0.25, cy=c.cy / 2 - 0.25, rows=rows, cols=cols),
         samples=math.ceil(scene.samples / 2),
         tiles=max(1, round(scene.tiles / 2)),
         noise=noise_level(frame),

@@ -1,6 +1,6 @@
 """Profiles of cameras: found by name or file, and made to fit a clip."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
@@ -8,14 +8,17 @@ from rsvideo.config import yaml
 from rsvideo.config.files import read_whole
 from rsvideo.config.yaml import ConfigError
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Tone
-from rsvideo.shooting.camera_profile import CameraProfile, Clock, Distortion, Lens, Measured, Noise
+from rsvideo.shooting.camera_profile import CameraProfile, Clock, Lens, Measured, Mode
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.formats import gyroflow, kalibr, opencv, ours, ros
 
 FORMS = {"rsvideo": ours, "gyroflow": gyroflow, "kalibr": kalibr, "opencv": opencv, "ros": ros}
 _SAME_RATE = 0.002  # 30 and 29.97 are one mode
+_UNTILTED = 12  # coefficients, before the two of a tilted sensor
 _SAME_SHAPE = 0.005  # of the ratio of columns to rows, which scaling to whole pixels may change
 
 
@@ -24,8 +27,7 @@ class Facts:
     """What a profile says of a clip, in the clip's own pixels."""
 
     profile: str  # which one, as a source
-    intrinsics: Intrinsics | None
-    distortion: Distortion | None
+    intrinsics: Intrinsics | None  # with the lens's distortion
     readout: Fact[float] | None  # seconds
     direction: Fact[Direction] | None
     tone: Tone | None  # a standard's curve, or the one that was measured
@@ -92,16 +94,15 @@ def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) ->
     if profile.timing and mode.fps and fps and abs(fps / mode.fps - 1) > _SAME_RATE:
         raise ConfigError(f"{slip}; a readout time belongs to one rate, so this mode needs its own profile, or --readout")
     notes = () if scale == 1 else (f"{slip}: taken to show the same part of the sensor, scaled by {scale:.4g}",)
-    lens, clock = profile.intrinsics, profile.timing
+    clock = profile.timing
     return Facts(
         profile=name,
-        intrinsics=_scaled(lens, rows, cols, rows / mode.rows, scale) if lens else None,
-        distortion=lens.distortion if lens else None,
+        intrinsics=_scaled(profile.intrinsics, mode, rows, cols) if profile.intrinsics else None,
         readout=_sourced(clock).said(name) if clock else None,
         direction=Fact(value=clock.direction, source=name) if clock else None,
         tone=response(profile)[0],
         clip=response(profile)[1],
-        noise=profile.noise,
+        noise=Noise(read=profile.noise.read.value, shot=profile.noise.shot.value) if profile.noise else None,
     ), notes
 
 
@@ -123,15 +124,22 @@ def _words(rows: int, cols: int, fps: float | None) -> str:
     return f"{cols} x {rows}" + (f" at {fps:.5g} fps" if fps else "")
 
 
-def _scaled(lens: Lens, rows: int, cols: int, down: float, across: float) -> Intrinsics:
+def _scaled(lens: Lens, mode: Mode, rows: int, cols: int) -> Intrinsics:
     try:
-        return Intrinsics(
-            fx=lens.fx.value * across,
-            fy=lens.fy.value * down,
-            cx=(lens.cx.value + 0.5) * across - 0.5,  # the picture's edge stays where it is
-            cy=(lens.cy.value + 0.5) * down - 0.5,
-            rows=rows,
-            cols=cols,
-        )
-    except ValueError as error:  # a focal length that scaling made too short
+        camera = Intrinsics(fx=lens.fx.value, fy=lens.fy.value, cx=lens.cx.value, cy=lens.cy.value, rows=mode.rows, cols=mode.cols)
+        return replace(camera.scaled(rows, cols), distortion=_distortion(lens))
+    except ValueError as error:  # a focal length that scaling made too short, a distortion that folds over
         raise ConfigError(f"the profile's lens cannot be scaled to {cols} x {rows}: {error}") from error
+
+
+def _distortion(lens: Lens) -> Distortion | None:
+    """The lens's distortion, in the model's own terms; None where it has none."""
+    if lens.distortion is None:
+        return None
+    model, coefficients = lens.distortion.model, tuple(number.value for number in lens.distortion.coefficients)
+    if len(coefficients) > _UNTILTED:
+        if any(coefficients[_UNTILTED:]):
+            raise ValueError(f"a sensor that is tilted against its lens is not modelled; calibrate with {_UNTILTED} coefficients or fewer")
+        coefficients = coefficients[:_UNTILTED]
+    straight = model == "brown-conrady" and not any(coefficients)
+    return None if straight else Distortion(model=model, coefficients=coefficients)

@@ -10,6 +10,7 @@ from rsvideo.baselines.nonuniform import Density
 from rsvideo.frame import Verdict
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.single_frame import Settings, along_scanlines
@@ -25,7 +26,7 @@ TURN = np.array([[0.0, 0.0, 0.0], [1.5, 1.0, 0.02], [0.8, -0.6, 0.012]])  # px, 
 
 
 def taken(coefficients=TURN, scene=None):
-    rng, noise = np.random.default_rng(0), simulate.Noise(sigma=0.002)
+    rng, noise = np.random.default_rng(0), Noise.at_half(0.002)
     scene = cards(190, 220, count=180) if scene is None else scene
     return simulate.render(scene, camera=CAMERA, timing=TIMING, trajectory=path(coefficients), noise=noise, rng=rng, samples=32)
 
@@ -73,7 +74,7 @@ def test_a_frame_blurred_by_roll_gains_more_than_with_one_kernel():
     timing = ShutterTiming.from_readout(exposure=0.04, readout=0.0, rows=180)
     scene = ((skimage.data.coffee()[20:300, 100:480] / 255) ** 2.2).mean(axis=2, keepdims=True)
     trajectory = path(np.array([[0.0, 0.0, 0.0], [2.5, 1.5, 0.012]]))
-    rng, noise = np.random.default_rng(0), simulate.Noise(sigma=0.002)
+    rng, noise = np.random.default_rng(0), Noise.at_half(0.002)
     case = simulate.render(scene, camera=camera, timing=timing, trajectory=trajectory, noise=noise, rng=rng, samples=32)
     one = uniform.restored(frame(case.blurred), timing, SETTINGS)
     many = nonuniform.restored(frame(case.blurred), timing, camera, SETTINGS)

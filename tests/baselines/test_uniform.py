@@ -10,6 +10,7 @@ from rsvideo.baselines import uniform
 from rsvideo.frame import Verdict
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.single_frame import Settings
@@ -33,7 +34,7 @@ def photograph():
 
 def taken(coefficients=HOOK, *, scene=None):
     scene = photograph() if scene is None else scene
-    rng, noise = np.random.default_rng(0), simulate.Noise(sigma=0.002)
+    rng, noise = np.random.default_rng(0), Noise.at_half(0.002)
     return simulate.render(scene, camera=CAMERA, timing=shutter(), trajectory=path(coefficients), noise=noise, rng=rng, samples=32)
 
 

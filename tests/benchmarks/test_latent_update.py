@@ -23,6 +23,7 @@ from numba import njit, prange
 from rsvideo.physics import simulate
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer, decode
@@ -182,7 +183,7 @@ def frame() -> tuple[np.ndarray, np.ndarray, BlurOperator]:
     path = simulate.scaled_to(18, camera=CAMERA, timing=TIMING, trajectory=path)
     picture = cv2.resize(skimage.data.astronaut()[:400], (COLS + 100, ROWS + 100), interpolation=cv2.INTER_AREA)
     scene = decode(Transfer.SRGB, (picture / 255).astype(np.float32)).mean(axis=2, keepdims=True)
-    noise = simulate.Noise(sigma=0.002)
+    noise = Noise.at_half(0.002)
     made = simulate.render(scene, camera=CAMERA, timing=TIMING, trajectory=path, noise=noise, rng=np.random.default_rng(0))
     return made.blurred[..., 0], made.truth[..., 0], BlurOperator.covering(path, timing=TIMING, intrinsics=CAMERA)
 

@@ -22,9 +22,10 @@ from rsvideo.baselines.rectify import movement, rectified
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro
 from rsvideo.physics.camera import Intrinsics, turned
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.simulate import Noise, margin, render
+from rsvideo.physics.simulate import margin, render
 from rsvideo.physics.trajectory import Spline, Trajectory
 from rsvideo.restoration.camera_path import follow, unexplained, within
 from rsvideo.restoration.multi_frame import Movement
@@ -69,7 +70,7 @@ def simulated(scene: str, rms: float, seed: int, direction: Direction) -> Clip:
     if (np.array(light.shape[:2]) < np.array([ROWS, COLS]) + 2 * needed).any():
         light = np.pad(light, ((needed[0], needed[0]), (needed[1], needed[1]), (0, 0)), mode="reflect")
     rng = np.random.default_rng([seed, 1])
-    made = [render(light, camera=camera, timing=timing, trajectory=w, noise=Noise(sigma=0.005), rng=rng, samples=4) for w in ways]
+    made = [render(light, camera=camera, timing=timing, trajectory=w, noise=Noise.at_half(0.005), rng=rng, samples=4) for w in ways]
     frames = [
         Frame(pixels=m.blurred, clipped=m.blurred >= 1, time=float(b), index=k) for k, (m, b) in enumerate(zip(made, begins, strict=True))
     ]

@@ -1,5 +1,6 @@
 """The blur operator writes what Eq. (2) integrates, transposes exactly and knows its own derivative."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,12 +10,15 @@ from scipy.spatial.transform import Rotation
 from rsvideo.physics import simulate
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Spline, still
 
 ROWS, COLS = 17, 23
 CAMERA = Intrinsics(fx=60.0, fy=50.0, cx=10.3, cy=8.8, rows=ROWS, cols=COLS)
 WAYS = list(Direction)
+BARREL = Distortion(model="brown-conrady", coefficients=(-0.6, 0.5, 0.02, -0.03, 0.1))
+FISHEYE = Distortion(model="fisheye", coefficients=(-0.3, 0.2, 0.1, -0.1))
 
 
 def timing(way=Direction.TOP_TO_BOTTOM, readout=0.02):
@@ -30,9 +34,9 @@ def path(axes, *, seed=0, scale=2.0, when=None):
     return Polynomial(t0=t0, t1=t1, coefficients=c)
 
 
-def operator(axes, way=Direction.TOP_TO_BOTTOM, *, readout=0.02, samples=7):
+def operator(axes, way=Direction.TOP_TO_BOTTOM, *, readout=0.02, samples=7, lens=None):
     when = timing(way, readout)
-    return BlurOperator.covering(path(axes, when=when), timing=when, intrinsics=CAMERA, samples=samples)
+    return BlurOperator.covering(path(axes, when=when), timing=when, intrinsics=replace(CAMERA, distortion=lens), samples=samples)
 
 
 def noise(shape, seed=1):
@@ -74,9 +78,9 @@ def test_blur_is_the_integral_written_out(axes, way):
 
 @pytest.mark.parametrize("readout", [0.02, 0.0])
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("axes", [2, 3])
-def test_adjoint_is_the_transpose(axes, way, readout):
-    K = operator(axes, way, readout=readout)
+@pytest.mark.parametrize(("axes", "lens"), [(2, None), (3, None), (3, BARREL), (3, FISHEYE)])
+def test_adjoint_is_the_transpose(axes, lens, way, readout):
+    K = operator(axes, way, readout=readout, lens=lens)
     latent, frame = noise(K.latent_shape), noise((ROWS, COLS), 2)
     assert np.vdot(K.forward(latent), frame) == pytest.approx(np.vdot(latent, K.adjoint(frame)), rel=1e-12)
 
@@ -91,18 +95,19 @@ def test_adjoint_is_the_transpose_where_the_path_leaves_the_latent_image(axes):
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("axes", [2, 3])
-def test_the_latent_image_holds_all_that_the_frame_sees(axes, way):
-    K = operator(axes, way)
+@pytest.mark.parametrize(("axes", "lens"), [(2, None), (3, None), (3, BARREL), (3, FISHEYE)])
+def test_the_latent_image_holds_all_that_the_frame_sees(axes, lens, way):
+    K = operator(axes, way, lens=lens)
     np.testing.assert_allclose(K.forward(np.ones(K.latent_shape)), 1, rtol=1e-12)
 
 
+@pytest.mark.parametrize("lens", [None, BARREL, FISHEYE], ids=["pinhole", "barrel", "fisheye"])
 @pytest.mark.parametrize("way", WAYS)
-def test_turning_agrees_with_the_simulator_where_interpolation_is_exact(way):
-    K = operator(3, way)
+def test_turning_agrees_with_the_simulator_where_interpolation_is_exact(way, lens):
+    K = operator(3, way, lens=lens)
     rows, cols = K.latent_shape
     ramp = 0.3 * np.arange(cols)[None, :] - 0.2 * np.arange(rows)[:, None]
-    seen = simulate.blur(ramp[..., None], camera=CAMERA, timing=K.timing, trajectory=K.trajectory, samples=7)
+    seen = simulate.blur(ramp[..., None], camera=K.intrinsics, timing=K.timing, trajectory=K.trajectory, samples=7)
     np.testing.assert_allclose(K.forward(ramp), seen[..., 0], atol=1e-9)
 
 
@@ -120,10 +125,10 @@ def test_far_away_a_turn_is_a_shift(way):
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("axes", [2, 3])
-def test_between_cells_the_jacobian_is_the_difference_quotient(axes, way):
+@pytest.mark.parametrize(("axes", "lens"), [(2, None), (3, None), (3, BARREL), (3, FISHEYE)])
+def test_between_cells_the_jacobian_is_the_difference_quotient(axes, lens, way):
     """On x y, which bilinear interpolation reproduces, a shift's central differences are exact and a turn's err by h^2."""
-    K = operator(axes, way)
+    K = operator(axes, way, lens=lens)
     rows, cols = K.latent_shape
     latent = np.outer(np.arange(rows) / rows, np.arange(cols) / cols)
     J = K.jacobian(latent)
@@ -136,7 +141,7 @@ def test_between_cells_the_jacobian_is_the_difference_quotient(axes, way):
             BlurOperator(
                 timing=K.timing,
                 trajectory=K.trajectory.with_coefficients(K.trajectory.coefficients + s * h * direction),
-                intrinsics=CAMERA,
+                intrinsics=K.intrinsics,
                 samples=7,
                 margin=K.margin,
             ).forward(latent)

@@ -1,6 +1,8 @@
 """The simulator renders what a rolling-shutter camera would record."""
 
 import json
+from dataclasses import replace
+from functools import partial
 
 import cv2
 import imageio.v3 as iio
@@ -8,9 +10,11 @@ import numpy as np
 import pytest
 
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.gyro import angles_from_poses, poses_from_angles, spline_through
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.simulate import Noise, blur, extent, homographies, margin, render, scaled_to
+from rsvideo.physics.simulate import blur, extent, homographies, margin, render, scaled_to
 from rsvideo.physics.simulate import still as sharp
 from rsvideo.physics.trajectory import Polynomial, still
 
@@ -100,19 +104,34 @@ def test_a_rolling_shutter_leans_an_edge_by_speed_times_readout():
 
 def test_the_middle_of_the_interval_is_the_truth():
     rendering = render(
-        SCENE, camera=FAR, timing=TIMING, trajectory=moving((400, 0, 0), pose=(3, 0, 0)), noise=Noise(sigma=0), rng=np.random.default_rng(0)
+        SCENE,
+        camera=FAR,
+        timing=TIMING,
+        trajectory=moving((400, 0, 0), pose=(3, 0, 0)),
+        noise=Noise.at_half(0),
+        rng=np.random.default_rng(0),
     )
     np.testing.assert_allclose(rendering.truth, SCENE[20:-20, 23:-17], atol=1e-4)
+
+
+OPENCV = {
+    None: (cv2.undistortPoints, cv2.projectPoints),
+    "brown-conrady": (partial(cv2.undistortPoints, criteria=(3, 200, 1e-14)), cv2.projectPoints),
+    "fisheye": (cv2.fisheye.undistortPoints, cv2.fisheye.projectPoints),
+}
 
 
 def wave(x, y):
     return 0.5 + 0.2 * np.cos(0.21 * x + 0.13 * y) + 0.2 * np.sin(0.17 * y - 0.05 * x)
 
 
-def test_blur_matches_the_integral_written_out():
+@pytest.mark.parametrize("model", [None, "brown-conrady", "fisheye"])
+def test_blur_matches_the_integral_written_out(model):
     y, x = np.mgrid[-20 : ROWS + 20, -20 : COLS + 20].astype(float)
-    p = moving((200, -150, 2.0))
-    blurred = blur(wave(x, y)[..., None], camera=WIDE, timing=TIMING, trajectory=p, samples=16)
+    p, coefficients = moving((200, -150, 2.0)), np.array([-0.2, 0.05, 0.01, -0.02])
+    lens = Distortion(model=model, coefficients=tuple(coefficients)) if model else None
+    undistort, distort = OPENCV[model]
+    blurred = blur(wave(x, y)[..., None], camera=replace(WIDE, distortion=lens), timing=TIMING, trajectory=p, samples=16)
     C = np.array([[60, 0, (COLS - 1) / 2], [0, 60, (ROWS - 1) / 2], [0, 0, 1.0]])
     for row, col in [(0, 0), (0, 59), (13, 31), (39, 0), (39, 59)]:
         total = 0.0
@@ -120,8 +139,10 @@ def test_blur_matches_the_integral_written_out():
             t = row * 0.02 / ROWS + (k + 0.5) * 0.01 / 16
             px, py, roll = p.at(np.array([t]))[0]
             R = cv2.Rodrigues(np.array([-py / 60, px / 60, roll]))[0]
-            u, v, w = C @ R @ np.linalg.inv(C) @ [col, row, 1]
-            total += wave(u / w, v / w)
+            ray = undistort(np.array([[[col, row]]], float), C, coefficients if model else np.zeros(4)).ravel()
+            after = (R @ [*ray, 1]).reshape(1, 1, 3)
+            u, v = distort(after, np.zeros(3), np.zeros(3), C, coefficients if model else np.zeros(4))[0].ravel()
+            total += wave(u, v)
         assert blurred[row, col, 0] == pytest.approx(total / 16, abs=5e-5)
 
 
@@ -165,7 +186,7 @@ def test_noise_has_the_asked_variance(light):
         camera=Intrinsics.centred(focal=100.0, rows=180, cols=180),
         timing=ShutterTiming(exposure=0.01, row_time=0.0, rows=180),
         trajectory=still((0.0, 0.01), degree=0, axes=3),
-        noise=Noise(sigma=0.01),
+        noise=Noise.at_half(0.01),
         rng=np.random.default_rng(5),
         samples=1,
     )
@@ -175,19 +196,27 @@ def test_noise_has_the_asked_variance(light):
 
 
 def test_light_above_white_clips_after_it_is_blurred():
-    options = {"camera": FAR, "timing": TIMING, "trajectory": moving((800, 0, 0)), "noise": Noise(sigma=0), "rng": np.random.default_rng(0)}
+    options = {
+        "camera": FAR,
+        "timing": TIMING,
+        "trajectory": moving((800, 0, 0)),
+        "noise": Noise.at_half(0),
+        "rng": np.random.default_rng(0),
+    }
     plain, bright = render(SCENE, **options), render(SCENE, gain=2.0, **options)
     np.testing.assert_allclose(bright.blurred, np.clip(2 * plain.blurred, 0, 1), atol=1e-5)
     np.testing.assert_allclose(bright.truth, np.clip(2 * plain.truth, 0, 1), atol=1e-5)
     assert (bright.truth == 1).mean() > 0.3
 
 
-def test_no_sample_falls_outside_the_margin():
+@pytest.mark.parametrize("bend", [0.0, -0.3, 0.3])
+def test_no_sample_falls_outside_the_margin(bend):
     p = moving((300, 200, 2.0), pose=(1, -2, 0))
-    rows, cols = margin(camera=WIDE, timing=TIMING, trajectory=p)
+    camera = replace(WIDE, distortion=Distortion(model="brown-conrady", coefficients=(bend, 0.1, 0.0, 0.0)) if bend else None)
+    rows, cols = margin(camera=camera, timing=TIMING, trajectory=p)
     scene = np.full((ROWS + 2 * rows + 2, COLS + 2 * cols + 2, 1), np.nan)
     scene[1:-1, 1:-1] = 0.5
-    np.testing.assert_allclose(blur(scene, camera=WIDE, timing=TIMING, trajectory=p), 0.5)
+    np.testing.assert_allclose(blur(scene, camera=camera, timing=TIMING, trajectory=p), 0.5)
     assert rows < 20
     assert cols < 20
 
@@ -218,7 +247,7 @@ def test_an_impossible_blur_is_refused(pixels):
 @pytest.mark.parametrize("sigma", [-0.1, 1.0, 3.0, float("nan")])
 def test_impossible_noise_is_refused(sigma):
     with pytest.raises(ValueError, match="8-bit codes"):
-        Noise(sigma=sigma)
+        Noise.at_half(sigma)
 
 
 def test_a_scene_smaller_than_the_frame_is_refused():

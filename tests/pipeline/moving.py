@@ -16,8 +16,9 @@ from av.video.stream import VideoStream
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro, tone
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.simulate import Noise, Rendering, render
+from rsvideo.physics.simulate import Rendering, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline, Trajectory, fit
 from rsvideo.shooting.known_motion import COLUMNS
@@ -97,7 +98,7 @@ class Moving:
 
     def shot(self, way: Trajectory, k: int) -> Rendering:
         """Frame k of a camera that moves in this way instead."""
-        noise, rng = Noise(sigma=0.002), np.random.default_rng(k)
+        noise, rng = Noise.at_half(0.002), np.random.default_rng(k)
         return render(self.light, camera=self.camera, timing=self.timing, noise=noise, samples=24, trajectory=way, rng=rng)
 
     @property

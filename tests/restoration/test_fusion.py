@@ -6,6 +6,7 @@ import skimage.data
 
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.fusion import Seen, fused
@@ -29,7 +30,7 @@ def taken(coefficients, photograph, *, pose=(0.0, 0.0, 0.0)):
         camera=CAMERA,
         timing=TIMING,
         trajectory=path(coefficients).shifted(np.array(pose)),
-        noise=simulate.Noise(sigma=0.004),
+        noise=Noise.at_half(0.004),
         rng=np.random.default_rng(0),
         samples=32,
     )

@@ -9,6 +9,7 @@ from scipy.ndimage import binary_dilation
 
 from rsvideo.physics import simulate, tiles
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation
@@ -34,7 +35,7 @@ def taken(coefficients, *, sigma=0.0, scene=None, gain=1.0):
         camera=CAMERA,
         timing=TIMING,
         trajectory=path(coefficients),
-        noise=simulate.Noise(sigma=sigma),
+        noise=Noise.at_half(sigma),
         rng=np.random.default_rng(0),
         samples=32,
         gain=gain,

@@ -10,6 +10,7 @@ import skimage.data
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics import simulate, tone
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, still
@@ -42,7 +43,7 @@ def path(timing, coefficients):
 
 
 def taken(timing, trajectory, camera=CAMERA, sigma=0.001):
-    rng, noise = np.random.default_rng(0), simulate.Noise(sigma=sigma)
+    rng, noise = np.random.default_rng(0), Noise.at_half(sigma)
     return simulate.render(sharp(), camera=camera, timing=timing, trajectory=trajectory, noise=noise, rng=rng, samples=32)
 
 
