@@ -6,7 +6,7 @@ It is written, and where one line holds one frame also read, frame by frame: mem
 import json
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
@@ -17,7 +17,6 @@ from pydantic import (
     ConfigDict,
     Field,
     JsonValue,
-    SerializerFunctionWrapHandler,
     ValidationError,
     model_serializer,
     model_validator,
@@ -164,7 +163,7 @@ class Camera(_Record):
         return Noise(read=self.noise.read, shot=self.noise.shot) if self.noise else None
 
     @model_serializer(mode="wrap")
-    def _without_what_is_not_given(self, write: SerializerFunctionWrapHandler) -> dict[str, JsonValue]:
+    def _without_what_is_not_given(self, write: Callable[["Camera"], dict[str, JsonValue]]) -> dict[str, JsonValue]:
         return {key: value for key, value in write(self).items() if value is not None}
 
 

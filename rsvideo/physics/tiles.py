@@ -44,7 +44,7 @@ def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: Shutter
     poses = trajectory.at(times)
     if poses.shape[1] == 2:
         return 1
-    parts, rows = (8, 3) if intrinsics.distortion else (2, 2)  # a lens bends paths quickest somewhere between middle and edge
+    parts, rows = (16, 3) if intrinsics.distortion else (2, 2)  # a lens bends paths quickest somewhere between middle and edge
     x, y = np.meshgrid(np.linspace(0, intrinsics.cols - 1, parts + 1), np.linspace(0, intrinsics.rows - 1, rows))
     moved = turned(intrinsics, x[..., None] + 0 * times, y[..., None] + 0 * times, np.broadcast_to(poses, (*x.shape, *poses.shape)))
     within = max(1, round(len(times) * timing.exposure / timing.interval[1]))  # only what moves within one exposure blurs

@@ -12,7 +12,7 @@ from rsvideo.physics.trajectory import still as at_rest
 from rsvideo.restoration import single_frame
 
 
-def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, start, observe) -> FrameResult:
+def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, start, noise, observe) -> FrameResult:
     """Nothing is restored, but everything around it is real."""
     print("working", flush=True)
     observe(SimpleNamespace(stage="half way", fraction=0.5))

@@ -1,6 +1,7 @@
 """`rsvideo simulate`, as a user runs it."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -127,6 +128,69 @@ def test_a_polynomial_moves_as_written(photo, tmp_path, as_file):
     np.testing.assert_allclose(motion[:, 1], 0, atol=1e-9)
     assert iio.imread(tmp_path / "b.png").shape == (48, 64, 3)
     assert json.loads((tmp_path / "case.json").read_text())["row_time_s"] == pytest.approx(0.02 / 64)
+
+
+PROFILE = """\
+name: Wide
+mode: {rows: 120, cols: 160}
+intrinsics:
+  {fx: 100, fy: 100, cx: 80, cy: 59, distortion: {model: brown-conrady, coefficients: [-0.3, 0.12, 0, 0]}}
+timing: {readout_s: 0.02, direction: bottom-to-top}
+noise: {read: 0.002, shot: 1e-5}
+"""
+
+
+def test_a_profile_is_the_camera(photo, tmp_path):
+    (tmp_path / "wide.yaml").write_text(PROFILE)
+    words = [photo, "-o", tmp_path / "b.png", "--exposure", "1/50", "--polynomial", "x:0,6;roll:0,0.05", "--camera", tmp_path / "wide.yaml"]
+    VERB([*map(str, words)], standalone_mode=False)
+    case = json.loads((tmp_path / "case.json").read_text())
+    assert (case["rows"] * 160) == pytest.approx(case["cols"] * 120, abs=120)
+    assert case["focal_px"] == pytest.approx(100 * case["cols"] / 160)
+    assert case["distortion"] == {"model": "brown-conrady", "coefficients": [-0.3, 0.12, 0, 0]}
+    assert case["noise"] == {"read": 0.002, "shot": 1e-5}
+    assert "noise_sigma_linear" not in case
+    assert (case["readout_s"], case["direction"]) == (pytest.approx(0.02), "bottom-to-top")
+    VERB([*map(str, words), "--overwrite", "--noise", "0.01", "--focal-px", "120", "--readout", "0"], standalone_mode=False)
+    case = json.loads((tmp_path / "case.json").read_text())
+    assert "distortion" not in case
+    assert (case["focal_px"], case["noise_sigma_linear"], case["readout_s"]) == (120, 0.01, 0)
+
+
+def test_a_profile_that_has_no_lens_needs_a_focal_length(photo, tmp_path):
+    (tmp_path / "wide.yaml").write_text("name: Wide\nmode: {rows: 120, cols: 160}\n")
+    line = refused(2, photo, "-o", tmp_path / "b.png", *TIMING[:4], "--shake", "--camera", tmp_path / "wide.yaml")
+    assert "--focal-px, the profile of Wide has no intrinsics" in line
+
+
+def test_a_distorted_frame_is_restored_better_by_its_profile_than_without_its_distortion(tmp_path, samples):
+    sharp = iio.imread(samples / "astronaut" / "truth.png")[60:260, 100:360]
+    iio.imwrite(tmp_path / "sharp.png", sharp)
+    (tmp_path / "bent.yaml").write_text(PROFILE)
+    (tmp_path / "plain.yaml").write_text(re.sub(r", distortion: {.*?}", "", PROFILE))
+    words = [tmp_path / "sharp.png", "-o", tmp_path / "blurred.png", "--exposure", "1/50", "--camera", tmp_path / "bent.yaml"]
+    VERB([*map(str, words), "--polynomial", "x:0,9,-3;y:0,-6;roll:0,0.08", "--blur-px", "7"], standalone_mode=False)
+    truth = iio.imread(tmp_path / "truth.png")[10:-10, 10:-10] / 255
+    left = {}
+    for name in ("bent", "plain"):
+        words = [
+            "deblur",
+            tmp_path / "blurred.png",
+            "-o",
+            tmp_path / f"{name}.png",
+            "--exposure",
+            "1/50",
+            "--camera",
+            tmp_path / f"{name}.yaml",
+        ]
+        words += ["--trajectory", tmp_path / "motion.csv", "--prior", "tv"]
+        done = subprocess.run([COMMAND, *map(str, words)], capture_output=True, text=True, check=False, timeout=300)
+        assert done.returncode == 0, done.stderr
+        left[name] = np.mean((iio.imread(tmp_path / f"{name}.png")[10:-10, 10:-10] / 255 - truth) ** 2)
+        camera = json.loads((tmp_path / f"{name}.rsvideo.json").read_text())["settings"]["camera"]
+        assert camera["noise"] == {"read": 0.002, "shot": 1e-5}
+        assert ("distortion" in camera) == (name == "bent")
+    assert left["plain"] > 1.5 * left["bent"]  # 1.8 dB
 
 
 def test_a_refusal_is_one_line_on_stderr_and_an_exit_code(photo, tmp_path):

@@ -1,6 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
+import skimage.data
 
 from rsvideo.comparison import residual
+from rsvideo.config.sidecar import Camera, Sidecar
+from rsvideo.physics import simulate
+from rsvideo.physics.distortion import Distortion
+from rsvideo.physics.trajectory import Polynomial
 from tests.report.test_plots import sidecar
 
 
@@ -28,3 +35,23 @@ def test_the_motion_found_explains_what_it_has_blurred() -> None:
     inside = seen[row, border:-border]
     assert np.corrcoef(inside, expected[border:-border])[0, 1] > 0.9
     assert border < 12
+
+
+def test_what_a_distorting_lens_blurred_is_explained_by_that_lens() -> None:
+    plain = sidecar(x=8, roll=0.05)
+    pinhole = replace(plain.settings.camera.intrinsics, fx=250.0, fy=250.0)
+    lens = Distortion(model="brown-conrady", coefficients=(-0.25, 0.08, 0.0, 0.0))
+    bent = replace(pinhole, distortion=lens)
+    timing, poses = plain.timing(plain.frames[0]), plain.frames[0].trajectory.poses()
+    t0, t1 = timing.interval
+    path = Polynomial(t0=t0, t1=t1, coefficients=np.array([np.zeros(3), (poses[-1] - poses[0]) / np.sqrt(12)]))
+    scene = (skimage.data.astronaut()[:340, :480, :1] / 255.0) ** 2.2
+    blurred = simulate.blur(scene, camera=bent, timing=timing, trajectory=path, samples=32)[..., 0].astype(np.float32)
+    latent = simulate.still(scene, camera=bent, pose=np.zeros(3))[..., 0].astype(np.float32)
+
+    def left(camera: Camera) -> float:
+        said: Sidecar = plain.model_copy(update={"settings": plain.settings.model_copy(update={"camera": camera})})
+        again, border = residual._moved(latent, said.frames[0], said)
+        return float(np.std((again - blurred)[border:-border, border:-border]))
+
+    assert left(Camera.of(bent, "")) < 0.5 * left(Camera.of(pinhole, ""))

@@ -1,6 +1,7 @@
 import json
 import tracemalloc
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import pytest
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, centred
@@ -129,6 +132,20 @@ def test_timing_and_camera_come_back_as_the_nouns() -> None:
     record = example()
     assert record.timing(record.frames[0]) == TIMING
     assert record.settings.camera.intrinsics == CAMERA
+
+
+def test_a_lens_and_its_sensors_noise_come_back_and_are_left_out_where_there_are_none(tmp_path: Path) -> None:
+    lens = Distortion(model="brown-conrady", coefficients=(-0.1, 0.02, 0.001, 0.0, 0.0))
+    camera = sidecar.Camera.of(replace(CAMERA, distortion=lens), "mine", Noise(read=0.002, shot=1e-4))
+    record = example()
+    record = record.model_copy(update={"settings": record.settings.model_copy(update={"camera": camera})})
+    (tmp_path / "out.json").write_bytes(record.encode())
+    found = sidecar.read(tmp_path / "out.json").settings.camera
+    assert found.intrinsics == replace(CAMERA, distortion=lens)
+    assert found.sensor_noise == Noise(read=0.002, shot=1e-4)
+    plain = json.loads(example().encode())["settings"]["camera"]
+    assert list(plain) == ["fx", "fy", "cx", "cy", "rows", "cols", "source"]
+    assert sidecar.Camera.model_validate(plain).sensor_noise is None
 
 
 @pytest.mark.parametrize(

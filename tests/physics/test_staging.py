@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.gyro import GyroLog
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.simulate import blur, extent, margin
@@ -40,6 +42,24 @@ def test_a_polynomial_is_written_in_powers_of_the_fraction_of_the_interval():
     staged = stage(90, 130, motion=SWEEP, focal=200.0, exposure=0.01, readout=0.02)
     moved = np.diff(staged.trajectory.at(np.array([0.0, 0.03])), axis=0)[0]
     np.testing.assert_allclose(moved, [12, -6, 0.02], atol=1e-9)
+
+
+def test_a_lens_gives_its_whole_picture_in_its_shape():
+    lens = Intrinsics(
+        fx=800.0, fy=790.0, cx=330.0, cy=235.0, rows=480, cols=640, distortion=Distortion(model="fisheye", coefficients=(0.1, 0, 0, 0))
+    )
+    staged = stage(90, 130, motion=SWEEP, lens=lens, exposure=0.01, readout=0.02)
+    rows, cols = staged.camera.rows, staged.camera.cols
+    assert staged.camera == lens.scaled(rows, cols)
+    assert cols == pytest.approx(rows * 4 / 3, abs=1)
+    above, _ = margin(camera=staged.camera, timing=staged.timing, trajectory=staged.trajectory)
+    assert 0 <= 90 - (rows + 2 * above) <= 4
+    chosen = stage(90, 130, motion=SWEEP, lens=lens, exposure=0.01, readout=0.02, frame=(48, 64))
+    assert chosen.camera == lens.scaled(48, 64)
+    with pytest.raises(ValueError, match="the shape of the camera's, 640 x 480 px, got 64 x 64"):
+        stage(90, 130, motion=SWEEP, lens=lens, exposure=0.01, readout=0.02, frame=(64, 64))
+    with pytest.raises(ValueError, match="either a focal length or a lens"):
+        stage(90, 130, motion=SWEEP, exposure=0.01, readout=0.02)
 
 
 def test_without_roll_there_is_none_and_the_rest_stays():

@@ -1,5 +1,7 @@
 """Tiles cut a frame without gaps, and the path at a tile's middle is the camera's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from scipy.linalg import expm
 
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Intrinsics, lever, turned
+from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
 
@@ -90,9 +93,18 @@ def test_a_shift_needs_one_tile_and_more_roll_more_tiles():
     assert counts[0] < counts[1] < counts[2] < counts[3] == 960 // tiles.NARROWEST
 
 
+LENSES = {
+    "pinhole": None,
+    "barrel": Distortion(model="brown-conrady", coefficients=(-0.3, 0.1, 0.0, 0.0)),
+    "moustache": Distortion(model="brown-conrady", coefficients=(-0.4, 1.0, 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 @pytest.mark.parametrize("tolerance", [0.5, 0.25])
-def test_the_blur_at_a_tiles_edge_is_off_by_the_tolerance_at_most(tolerance):
+def test_the_blur_at_a_tiles_edge_is_off_by_the_tolerance_at_most(tolerance, lens):
     path, camera, timing = turning(0.01, readout=0.0)
+    camera = replace(camera, distortion=lens)
     cut = tiles.split(960, tiles.tiles_needed(path, camera, timing, tolerance), 0)
     poses = path.at(timing.sample_times(40)[:1])[0]
     for tile in cut:

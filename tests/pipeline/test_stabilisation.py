@@ -1,9 +1,14 @@
 """A steadier camera that shows no border and leaves a steady one alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import skimage.data
 
+from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
 from rsvideo.pipeline.stabilisation import MOST_CROP, corrections, shown
 
 CAMERA = Intrinsics.centred(focal=300.0, rows=90, cols=160)
@@ -85,3 +90,18 @@ def test_a_camera_turned_to_the_right_sees_what_lies_to_the_right() -> None:
 
 def test_what_is_not_turned_is_not_touched() -> None:
     np.testing.assert_array_equal(shown(ramps(), np.zeros(3), 1.0, CAMERA), ramps())
+
+
+def test_a_frame_is_shown_as_the_lens_would_have_shown_it_turned() -> None:
+    scene = (skimage.data.astronaut()[:140, :220] / 255.0) ** 2.2
+    camera, turn = (
+        replace(CAMERA, distortion=Distortion(model="brown-conrady", coefficients=(-0.8, 0.5, 0.0, 0.0))),
+        np.array([4.0, -3.0, 0.05]),
+    )
+    frame, expected = (simulate.still(scene, camera=camera, pose=pose).astype(np.float32) for pose in (np.zeros(3), turn))
+
+    def off(by: Intrinsics) -> float:
+        return float(np.std((shown(frame, turn, 1.0, by) - expected)[16:-16, 16:-16]))
+
+    assert off(camera) < 0.02
+    assert off(CAMERA) > 3 * off(camera)

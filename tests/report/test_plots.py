@@ -1,4 +1,5 @@
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ from PIL import Image
 
 from rsvideo.config.sidecar import Camera, FrameRecord, Sampled, Settings, Sidecar, Timing
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.report import plots
@@ -67,3 +69,12 @@ def test_the_blur_of_a_trace_holds_all_its_light() -> None:
 
 def test_a_frame_that_did_not_move_is_drawn_too() -> None:
     assert plots.motion(sidecar(x=0), "png").startswith(b"\x89PNG")
+
+
+def test_the_trace_of_a_point_is_drawn_through_the_lens() -> None:
+    plain = sidecar(roll=0.02)
+    camera = replace(plain.settings.camera.intrinsics, distortion=Distortion(model="brown-conrady", coefficients=(-0.25, 0.08, 0.0, 0.0)))
+    lensed = plain.model_copy(update={"settings": plain.settings.model_copy(update={"camera": Camera.of(camera, "")})})
+    for at, where in ((np.array([30.0, 30.0]), "corner"), (np.array([199.5, 149.5]), "middle")):
+        moved = [np.ptp(plots._trace(at, said, said.frames[0], said.timing(said.frames[0])), axis=0) for said in (plain, lensed)]
+        assert np.allclose(*moved, atol=0.01) == (where == "middle")

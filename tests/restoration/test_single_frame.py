@@ -10,12 +10,13 @@ import skimage.data
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics import simulate, tone
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, still
 from rsvideo.restoration import initialise
-from rsvideo.restoration.single_frame import COSTLIEST, Iterate, Known, Settings, estimate, judge, observed, restore
+from rsvideo.restoration.single_frame import COSTLIEST, Iterate, Known, Settings, along_scanlines, estimate, judge, observed, restore
 from rsvideo.restoration.sparsity import energy
 
 ROWS, COLS = 80, 120
@@ -51,12 +52,14 @@ def frame(pixels) -> Frame:
     return Frame(pixels=pixels, clipped=pixels >= 1)
 
 
+@pytest.mark.parametrize("lens", [None, Distortion(model="brown-conrady", coefficients=(-1.5, 2.5, 0.02, -0.03))], ids=["pinhole", "bent"])
 @pytest.mark.parametrize("way", list(Direction))
-def test_whichever_way_a_frame_is_read_its_known_motion_is_undone(way):
+def test_whichever_way_a_frame_is_read_its_known_motion_is_undone(way, lens):
+    camera = replace(CAMERA, distortion=lens)
     timing = shutter(way)
     trajectory = path(timing, TURN)
-    case = taken(timing, trajectory)
-    result = restore(frame(case.blurred), timing, CAMERA, KNOWN, trajectory=trajectory)
+    case = taken(timing, trajectory, camera)
+    result = restore(frame(case.blurred), timing, camera, KNOWN, trajectory=trajectory)
     assert psnr(result.latent, case.truth) > psnr(case.blurred, case.truth) + 6
     np.testing.assert_allclose(result.trajectory.coefficients, trajectory.coefficients, atol=1e-12)
 
@@ -230,3 +233,11 @@ def test_the_smallest_frames_can_be_restored():
     noise = cv2.GaussianBlur(rng.uniform(0, 1, (32, 32, 3)).astype(np.float32), (0, 0), 2)
     camera = Intrinsics.centred(focal=60, rows=32, cols=32)
     assert restore(frame(noise), timing, camera, Settings()).latent.shape == noise.shape
+
+
+def test_noise_is_the_sensors_where_it_is_given_and_measured_otherwise():
+    pixels = np.full((ROWS, COLS, 3), 0.5) + 0.01 * np.random.default_rng(0).standard_normal((ROWS, COLS, 3))
+    seen, timing = frame(pixels.astype(np.float32)), shutter(Direction.TOP_TO_BOTTOM)
+    assert along_scanlines(seen, timing, CAMERA).noise == pytest.approx(0.01, rel=0.15)
+    assert along_scanlines(seen, timing, CAMERA, Noise(read=0.03, shot=2e-4)).noise == pytest.approx(1e-3**0.5, rel=1e-3)
+    assert along_scanlines(seen, timing, CAMERA, Noise(read=0.0, shot=0.0)).noise == 1e-3

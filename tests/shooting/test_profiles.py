@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rsvideo.config import yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.yaml import ConfigError
+from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.shooting import profiles
@@ -53,7 +54,8 @@ def test_a_profile_says_what_its_file_says(tmp_path: Path) -> None:
     assert facts.tone is Transfer.BT709
     assert facts.clip is None
     assert facts.noise is not None
-    assert facts.noise.shot.value == 1e-5
+    assert (facts.noise.read, facts.noise.shot) == (0.001, 1e-5)
+    assert facts.intrinsics.distortion == Distortion(model="brown-conrady", coefficients=(0.1, -0.05, 0, 0))
 
 
 def test_a_measured_curve_and_its_clipping_stand_for_the_standards(tmp_path: Path) -> None:
@@ -72,6 +74,33 @@ def test_a_scaled_clip_keeps_its_field_of_view_and_says_so(tmp_path: Path) -> No
     assert facts.readout.value == 0.0157
     assert len(notes) == 1
     assert "640 x 480 at 29.97 fps, the clip is of 1280 x 960 at 29.97 fps: taken to show the same part" in notes[0]
+
+
+@pytest.mark.parametrize(
+    ("written", "kept"),
+    [
+        ("[0, 0, 0, 0, 0]", None),
+        ("[0.1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]", (0.1, *[0.0] * 11)),
+    ],
+)
+def test_a_lens_is_as_simple_as_its_coefficients(tmp_path: Path, written: str, kept: tuple[float, ...] | None) -> None:
+    facts, _ = for_clip(camera(tmp_path, "[0.1, -0.05, 0, 0]", written), 480, 640, 30.0)
+    assert facts.intrinsics is not None
+    assert (facts.intrinsics.distortion and facts.intrinsics.distortion.coefficients) == kept
+
+
+@pytest.mark.parametrize(
+    ("written", "why"),
+    [
+        ("[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.1, 0]", "tilted"),
+        ("[-2, 0, 0, 0]", "folds over"),
+        ("[.nan, 0, 0, 0]", "coefficients"),
+    ],
+)
+def test_a_lens_that_cannot_be_modelled_is_refused_in_one_line(tmp_path: Path, written: str, why: str) -> None:
+    with pytest.raises(ConfigError, match=why) as caught:
+        for_clip(camera(tmp_path, "[0.1, -0.05, 0, 0]", written), 480, 640, 30.0)
+    assert len(str(caught.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize(
