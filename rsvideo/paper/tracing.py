@@ -1,7 +1,7 @@
-"""From the kernels of strips to a trajectory, the paper's way: Sec. 4.2.2.
+"""From the kernels of strips to a trajectory as published: Sec. 4.2.2.
 
 Each kernel is smoothed, thinned to a curve, and traced from one end to the other; a point's time is the intensity that has
-accumulated on the path to it, its confidence its own intensity. Which end came first is not in a kernel: all senses of all strips
+accumulated up to it, its confidence its own intensity. Which end came first is not in a kernel: all senses of all strips
 are tried, and the polynomial with the least residual wins.
 """
 
@@ -18,9 +18,9 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.restoration.psf_fit import Strip
 
-FLOOR = 0.1  # smoothed intensities below this share of the largest are no part of the curve
+FLOOR = 0.1  # smoothed intensities below this share of the largest are no part of the curve; origin: by trial
 MOST_STRIPS = 12  # 2^12 senses are tried in about a second
-STIFFNESS = 1e-3  # of the fit, relative to its data: keeps apart curves that the strips do not tell apart
+STIFFNESS = 1e-3  # of the fit, relative to its data: tells apart curves that the strips do not
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
