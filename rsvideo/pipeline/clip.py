@@ -22,8 +22,8 @@ from rsvideo.pipeline.chunk import ChunkRecord, chunks, told, work
 from rsvideo.pipeline.clip_job import ClipTask
 from rsvideo.shooting import gcsv
 from rsvideo.video import colour, planes
-from rsvideo.video.encode import Writer
 from rsvideo.video.stream import Picture, Stream
+from rsvideo.video.writer import Writer
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from rsvideo.pipeline.methods import Treatment
 from rsvideo.restoration.single_frame import Settings
 from rsvideo.shooting import timing
 from rsvideo.video import colour, decode, vidstab
-from rsvideo.video.encoding import Encoding, chosen
+from rsvideo.video.output_format import Encoding, chosen
 from rsvideo.video.stream import Picture, Stream
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by

@@ -23,7 +23,7 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour as tint
 from rsvideo.video import decode, sequence
-from rsvideo.video.encoding import CONTAINERS, ENCODERS, SEQUENCES, Encoding, chosen
+from rsvideo.video.output_format import CONTAINERS, ENCODERS, SEQUENCES, Encoding, chosen
 from rsvideo.video.stream import Colour, Matrix, Picture, Stream
 from rsvideo.video.timecode import later
 
