@@ -17,6 +17,7 @@ from numba import get_num_threads
 
 from rsvideo.baselines import uniform
 from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.restoration import single_frame
 from rsvideo.restoration.blind_kernel import fitted
@@ -96,10 +97,7 @@ def stitched(view: View, blocks: list[Block], settings: Settings) -> Float[np.nd
     steps = [np.zeros(2)]
     for (above, one, a), (below, other, b) in pairwise(zip(spans, latents, blocks, strict=True)):
         common = slice(below.start, above.stop)
-        parts = [
-            single_frame.luminance(part[common.start - span.start : common.stop - span.start])
-            for span, part in ((above, one), (below, other))
-        ]
+        parts = [luminance(part[common.start - span.start : common.stop - span.start]) for span, part in ((above, one), (below, other))]
         steps.append(displacement(parts[0], parts[1], max(len(a.kernel), len(b.kernel)) / 2))
     shifts = np.cumsum(steps, axis=0)
     shifts -= shifts[len(blocks) // 2]

@@ -8,10 +8,10 @@ from itertools import islice
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit, still
 from rsvideo.restoration import initialise, psf_fit, sparsity, tracing
@@ -22,7 +22,6 @@ from rsvideo.restoration.nonblind import TiledFrame
 from rsvideo.restoration.psf_fit import Candidate
 from rsvideo.restoration.sparsity import Prior, Scene
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # BT.709
 WINDOW_COLS = 800  # the motion is estimated from at most so many columns, the ones with most texture
 TILED_COLS = 96  # a narrower frame is one tile
 TRIAL_COLS = 560  # and candidates are compared on so many
@@ -200,11 +199,6 @@ def along_scanlines(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics)
 def observed(frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings) -> Scene:
     """What the trajectory of a frame is estimated from, along its scanlines."""
     return _scene(along_scanlines(frame, timing, intrinsics), settings)
-
-
-def luminance(pixels: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
-    """BT.709's of linear light; a grey picture's own."""
-    return pixels @ LUMINANCE if pixels.shape[2] == 3 else pixels.mean(axis=2)
 
 
 def _scene(view: View, settings: Settings) -> Scene:

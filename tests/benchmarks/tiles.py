@@ -17,11 +17,12 @@ import numpy as np
 from rsvideo.physics import tone
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration import latent, nonblind
-from rsvideo.restoration.single_frame import Settings, luminance
+from rsvideo.restoration.single_frame import Settings
 from rsvideo.shooting import known_motion
 
 MU = 5e-4

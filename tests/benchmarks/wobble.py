@@ -22,6 +22,7 @@ from rsvideo.baselines.rectify import movement, rectified
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro
 from rsvideo.physics.camera import Intrinsics, turned
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Noise, margin, render
@@ -29,7 +30,7 @@ from rsvideo.physics.trajectory import Spline, Trajectory
 from rsvideo.restoration.camera_path import follow, unexplained, within
 from rsvideo.restoration.multi_frame import Movement
 from rsvideo.restoration.parallax import Points, flows
-from rsvideo.restoration.single_frame import Settings, luminance
+from rsvideo.restoration.single_frame import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
 from rsvideo.stills import still
 from rsvideo.video import colour
