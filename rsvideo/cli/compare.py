@@ -294,7 +294,9 @@ def _name(source: Path) -> str:
         return source.stem + ".png"
     if _pictures(source):
         return "".join(letter for letter in source.stem if letter not in "#%*").strip("_-. ") + ".mkv"
-    return source.stem + (source.suffix.lower() if source.suffix.lower() in (".mp4", ".mov", ".mkv") else ".mkv")
+    from rsvideo.video.output_format import CONTAINERS
+
+    return source.stem + (source.suffix.lower() if source.suffix.lower() in CONTAINERS else ".mkv")
 
 
 def _pictures(source: Path) -> bool:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
+from rsvideo.config.media import is_clip
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline import clip_job
@@ -48,7 +49,7 @@ class Plan:
 
 def shots(path: Path) -> Iterator[Shot]:
     """All pictures of a still or a clip."""
-    if path.suffix.lower() in (".mp4", ".mov", ".mkv"):
+    if is_clip(path):
         stream = decode.probe(path)
         return _clip_shots(stream, 0, stream.frames)
     return iter([_still_shot(path, None)])
