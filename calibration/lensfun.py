@@ -12,8 +12,8 @@ from jaxtyping import Float
 
 from rsvideo.config.yaml import shown
 from rsvideo.shooting.camera_profile import Distortion, Found, Lens, Measured
+from rsvideo.stills.exif import FULL_FRAME_DIAGONAL
 
-_FULL_FRAME_DIAGONAL = 43.266615  # mm, of 36 x 24
 _STILLS_ASPECT = 1.5
 _FAR = 1000.0  # metres
 _APERTURE = 8.0  # distortion hardly depends on it
@@ -50,7 +50,7 @@ def look_up(camera: str, lens: str, *, focal_mm: float, rows: int, cols: int, wh
     if aspect > _STILLS_ASPECT + 0.01:
         crop *= float(np.hypot(1, 1 / _STILLS_ASPECT) / np.hypot(1, 1 / aspect))
         notes.append("the picture is taken to show the sensor's full width; modes that crop have a longer focal length")
-    focal = focal_mm * float(np.hypot(rows, cols)) / (_FULL_FRAME_DIAGONAL / crop)
+    focal = focal_mm * float(np.hypot(rows, cols)) / (FULL_FRAME_DIAGONAL / crop)
     coefficients, rest = _bending(lensfun, found, crop, focal_mm, focal, rows, cols)
     if coefficients is None:
         notes.append("the database holds no distortion of this lens; it is left out")

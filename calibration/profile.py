@@ -1,32 +1,24 @@
 """What was measured, as parts of a camera's profile."""
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
 from calibration.lens import Fit
 from calibration.response import Response
+from rsvideo.config.files import sha256
+from rsvideo.config.quantity import same_rate
 from rsvideo.config.yaml import ConfigError
 from rsvideo.shooting import camera_profile
 from rsvideo.shooting.camera_profile import CameraProfile, Found, Measured
 
 _NAMED = 3  # files that are named in words; the others are counted
-_CHUNK = 1 << 20
 
 
 def found(how: str, files: Mapping[str, Path], when: str) -> Found:
     """The provenance of a part: the method, the day, and the files, by what they are called, with their hashes."""
     names = list(files)
     words = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
-    return Found(how=how[:500], when=when, source=words[:500], files={name[-300:]: _sha256(path) for name, path in files.items()})
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            digest.update(chunk)
-    return digest.hexdigest()
+    return Found(how=how[:500], when=when, source=words[:500], files={name[-300:]: sha256(path) for name, path in files.items()})
 
 
 def lens(fit: Fit, whence: Found) -> camera_profile.Lens:
@@ -72,7 +64,7 @@ def merged(before: CameraProfile, measured: CameraProfile) -> CameraProfile:
     """`before` with the parts that were measured in place of its own; both must be of one mode."""
     one, other = before.mode, measured.mode
     rates = {rate for rate in (one.fps, other.fps) if rate}
-    if (one.rows, one.cols) != (other.rows, other.cols) or (len(rates) == 2 and abs(max(rates) / min(rates) - 1) > 0.002):
+    if (one.rows, one.cols) != (other.rows, other.cols) or (len(rates) == 2 and not same_rate(max(rates), min(rates))):
         sizes = [f"{m.cols} x {m.rows}" + (f" at {m.fps:.5g} fps" if m.fps else "") for m in (one, other)]
         raise ConfigError(f"the profile is of {sizes[0]}, what was measured of {sizes[1]}; another mode needs another profile")
     parts = {part: new for part in ("intrinsics", "timing", "tone", "noise") if (new := getattr(measured, part)) is not None}

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from calibration.board import Board, Seen, find
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.media import CLIP_SUFFIXES
 from rsvideo.stills import still
 from rsvideo.video import decode
 from rsvideo.video.stream import Picture, Stream
@@ -19,7 +20,6 @@ MOST_LOOKED_AT = 240  # of a clip's pictures
 _BLURRED = 1.6  # edges that many times as wide as the sharpest views' are blurred
 _ALIKE_IN_CLIP, _ALIKE = 0.06, 0.005  # how near the board's corners may be, as part of the picture; photographs are taken on purpose
 _MOST_SHEAR, _NO_SHEAR = 1.0, 0.3  # px by which motion may shift a board's rows against each other; less than the latter does no harm
-_CLIPS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".mts", ".webm"}
 _STILLS = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf"}
 
 
@@ -60,7 +60,7 @@ class Taken:
 
 def is_clip(path: Path) -> bool:
     """Whether a file is taken for a clip, not for a photograph."""
-    return path.suffix.lower() in _CLIPS
+    return path.suffix.lower() in CLIP_SUFFIXES
 
 
 def photographs(paths: Sequence[Path]) -> tuple[Path, ...]:
