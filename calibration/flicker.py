@@ -1,9 +1,13 @@
 """What a rolling shutter records under a light that flickers: the twin of `timing.bands`, for tests, measurements and examples."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
+from rsvideo.physics import tone
 from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.tone import Transfer
+
+_GREY, _NOISE = 0.3, 0.002  # linear light, and its standard deviation
 
 
 def square(duty: float, terms: int = 25) -> Float[np.ndarray, " terms"]:
@@ -51,3 +55,21 @@ def lit(
         [0.5, 2.0]
     """
     return timing.direction.image(timing.direction.scanlines(scene) * multiples[:, None, None])
+
+
+def wall(
+    timing: ShutterTiming, *, hertz: float, begins: float = 0.0, depth: float = 0.2, cols: int = 32, seed: int = 0
+) -> UInt8[np.ndarray, "rows cols"]:
+    """A photograph of a grey wall whose light swings by `depth` about its mean: 8-bit sRGB codes, with a little noise.
+
+    Scanlines are rows. `begins` is when the first row opens, in seconds.
+
+    Examples:
+        >>> from calibration import flicker
+        >>> from rsvideo.physics.shutter import ShutterTiming
+        >>> flicker.wall(ShutterTiming(exposure=1e-4, row_time=1e-4, rows=48), hertz=500.0, cols=8).shape
+        (48, 8)
+    """
+    light = lit(np.full((timing.rows, cols, 1), _GREY), timing, gains(timing, begins, sine(depth), hertz=hertz))[..., 0]
+    light = np.clip(light + _NOISE * np.random.default_rng(seed).standard_normal(light.shape), 0, 1)
+    return np.round(255 * tone.encode(Transfer.SRGB, light.astype(np.float32))).astype(np.uint8)

@@ -1,18 +1,20 @@
 """What a pinhole camera sees of a board that is held before it: the twin of `detect`, for tests and examples."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
 from jaxtyping import UInt8
 
 from calibration.boards import sheet
-from calibration.boards.target import Board
+from calibration.boards.target import Board, parse
 
 _PAPER_PX_PER_MM = 4
 _SAMPLES = 4  # a pixel, along each axis
 _GREY = 128  # of what is beside the paper
 _INCH_MM = 25.4
+_TURNS = 0.5  # radians to either side, about each axis
+_CENTRES = ((-0.18, -0.09, 1.0), (0.18, 0.09, 1.25))  # of the working distance: where the board's middle is
 
 
 def photograph(
@@ -42,3 +44,20 @@ def photograph(
     sampled = cv2.warpPerspective(paper, fine @ H, (_SAMPLES * cols, _SAMPLES * rows), flags=cv2.INTER_AREA, borderValue=_GREY)
     picture = cv2.resize(sampled, (cols, rows), interpolation=cv2.INTER_AREA)
     return cv2.GaussianBlur(picture, (0, 0), blur) if blur else picture
+
+
+def photographs(
+    name: str, count: int, *, focal_px: float, rows: int = 240, cols: int = 320, seed: int = 1
+) -> Iterator[UInt8[np.ndarray, "rows cols"]]:
+    """Photographs of a board, named as in `target.parse`, that fills about half of the picture and is tilted to all sides.
+
+    Examples:
+        >>> from calibration.boards.render import photographs
+        >>> [picture.shape for picture in photographs("chessboard:6x5:25mm", 2, focal_px=300.0)]
+        [(240, 320), (240, 320)]
+    """
+    board, rng = parse(name), np.random.default_rng(seed)
+    distance = 2 * focal_px * max(board.extent[0] / cols, board.extent[1] / rows)
+    for _ in range(count):
+        turn, centre = rng.uniform(-_TURNS, _TURNS, 3), distance * rng.uniform(*_CENTRES)
+        yield photograph(board, turn.tolist(), centre.tolist(), focal_px=focal_px, rows=rows, cols=cols)

@@ -67,22 +67,22 @@ class ResponseMeasurement:
 
     def profile(self, *, name: str | None = None, maker: str | None = None) -> CameraProfile:
         """A profile with this response; `name` is the camera's model, as the files name it unless given."""
-        times, response = self.response.exposures, self.response
+        measured, times = self.response, self.response.exposures
         found = provenance(f"{len(times)} exposures of {min(times):.3g} to {max(times):.3g} s", by_name(self.files))
-        own = [round(float(light), _CURVE_DIGITS) for light in response.curve]
+        own = [round(float(light), _CURVE_DIGITS) for light in measured.curve]
         return CameraProfile(
             name=camera_name(name, self.camera),
             maker=maker,
             mode=Mode(rows=self.rows, cols=self.cols),
             tone=camera_profile.Tone(
-                transfer=response.transfer,
-                curve=None if response.transfer else own,
-                curve_std=float(f"{response.std:.3g}"),
-                black=Measured(value=round(response.black, _CODE_DIGITS)),
-                clip=None if response.clip is None else Measured(value=round(response.clip, _CODE_DIGITS)),
+                transfer=measured.transfer,
+                curve=None if measured.transfer else own,
+                curve_std=float(f"{measured.std:.3g}"),
+                black=Measured(value=round(measured.black, _CODE_DIGITS)),
+                clip=None if measured.clip is None else Measured(value=round(measured.clip, _CODE_DIGITS)),
                 found=found,
             ),
-            noise=_noise_part(response.noise, found),
+            noise=_noise_part(measured.noise, found),
         )
 
 
@@ -109,7 +109,7 @@ def response(files: Path | str | Sequence[Path | str], exposures: Sequence[float
         >>> import tempfile, pathlib, cv2, numpy as np, calibration
         >>> from rsvideo.physics import tone
         >>> folder, rng = pathlib.Path(tempfile.mkdtemp()), np.random.default_rng(0)
-        >>> radiance = np.kron(3 * np.exp(rng.uniform(-3, 4.5, (15, 20))), np.ones((16, 16)))
+        >>> radiance = np.kron(3 * np.exp(rng.uniform(-3, 4.5, (10, 14))), np.ones((16, 16)))
         >>> files, times = [], (1 / 400, 1 / 100, 1 / 25)
         >>> for time in times:
         ...     light = radiance * time

@@ -1,6 +1,6 @@
 """Readout time from files, by one of four methods."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -43,14 +43,13 @@ def readout(
         from_frame_rate: Compute it from the frame rate of `source` and `scanlines_total`.
         scanlines_total: Visible and blanking lines of the sensor's mode; alone, it means `from_frame_rate`.
         frame_rate: Frames a second at which `source` was taken, where the files do not say it.
-        direction: The direction of the readout over the picture as stored, if it is known: `top-to-bottom`, `bottom-to-top`,
-            `left-to-right` or `right-to-left`. It also says whether scanlines are rows or columns.
+        direction: `top-to-bottom`, `bottom-to-top`, `left-to-right` or `right-to-left` over the picture as stored, if that is given;
+            it also says whether scanlines are rows or columns.
         frames: How many of the clip's first frames are used, 1 to 10 000.
         observer: Is given a `Progress` while frames are read.
 
     Returns:
-        The readout in seconds with its standard deviation; or `CannotTell`, whose `reason` says why the material does not show it
-        and what would help.
+        The readout in seconds with its standard deviation; or `CannotTell`, whose `reason` says why the material does not show it.
 
     Raises:
         ValueError: not exactly one method is chosen, or a number cannot be meant.
@@ -59,62 +58,81 @@ def readout(
     Examples:
         A grey wall under a light of 1 kHz, photographed by a shutter that reads in 20 ms, simulated:
 
-        >>> import tempfile, pathlib, cv2, numpy as np, calibration
-        >>> from calibration import flicker
-        >>> from rsvideo.physics import tone
+        >>> import tempfile, pathlib, cv2, calibration
         >>> from rsvideo.physics.shutter import ShutterTiming
-        >>> timing = ShutterTiming.from_readout(exposure=2e-4, readout=0.020, rows=240)
-        >>> light = flicker.lit(np.full((240, 32, 1), 0.3), timing, flicker.gains(timing, 0.0, flicker.sine(0.2), hertz=1000))
-        >>> light += 0.002 * np.random.default_rng(0).standard_normal(light.shape)
-        >>> codes = np.round(255 * tone.encode(tone.Transfer.SRGB, light.astype(np.float32)))
         >>> file = pathlib.Path(tempfile.mkdtemp()) / "wall.png"
-        >>> cv2.imwrite(str(file), codes.astype(np.uint8))
-        True
+        >>> timing = ShutterTiming.from_readout(exposure=2e-4, readout=0.020, rows=240)
+        >>> _ = cv2.imwrite(str(file), calibration.flicker.wall(timing, hertz=1000.0))
         >>> found = calibration.readout(file, flicker=1000.0)
         >>> low, high = found.confidence
         >>> low < 0.020 < high, found.std < 2e-4
         (True, True)
-
-        Where the material does not show it, the answer says why:
-
-        >>> cv2.imwrite(str(file), np.full((240, 32), 90, np.uint8))
-        True
-        >>> calibration.readout(file, flicker=1000.0)  # doctest: +ELLIPSIS
-        CannotTell(reason='no bands stand out from the scene; film a plain wall, ...')
+        >>> _ = cv2.imwrite(str(file), calibration.flicker.wall(timing, hertz=1000.0, depth=0.0))
+        >>> calibration.readout(file, flicker=1000.0).reason
+        'no bands stand out from the scene; film a plain wall, more closely lit, with a short exposure'
     """
-    from_frame_rate = from_frame_rate or scanlines_total is not None
-    methods = {"flicker": flicker is not None, "from_clip": from_clip, "table": table is not None, "scanlines_total": from_frame_rate}
-    if sum(methods.values()) != 1:
-        chosen = " and ".join(name for name, is_chosen in methods.items() if is_chosen) or "none"
-        raise ValueError(f"the readout is measured by one of {', '.join(methods)}, got {chosen}")
-    if not 1 <= frames <= MOST_FRAMES:
-        raise ValueError(f"frames must lie in 1 to {MOST_FRAMES}, got {frames}")
-    stated = None if direction is None else Direction(direction)
-    rate = None if frame_rate is None else Fraction(frame_rate)
-    if (source is None) != (table is not None):
-        raise ValueError("source must be a file or a folder, and is none with table alone")
+    request = _Request(
+        source=None if source is None else Path(source),
+        flicker=flicker,
+        from_clip=from_clip,
+        table=table,
+        from_frame_rate=from_frame_rate or scanlines_total is not None,
+        scanlines_total=scanlines_total,
+        rate=None if frame_rate is None else Fraction(frame_rate),
+        direction=None if direction is None else Direction(direction),
+        frames=frames,
+    )
     try:
-        if table is not None:
-            found = from_table(*table)
-        else:
-            path = Path(source or "")
-            if flicker is not None:
-                _check_hertz(flicker)
-                found = from_flicker(path, flicker, rate=rate, direction=stated, most=frames, observer=observer)
-            elif from_clip:
-                found = from_motion(path, rate=rate, direction=stated, most=frames, observer=observer)
-            else:
-                found = from_rate(path, scanlines_total, rate=rate, direction=stated)
+        found = _measured(request, observer)
     except CannotTellError as error:
         return CannotTell(reason=str(error))
-    notes = (*found.notes, *_direction_notes(found.direction, stated))
-    return replace(found, stated_direction=stated, notes=notes, files=found.files[:frames])
+    notes = (*found.notes, *_direction_notes(found.direction, request.direction))
+    return replace(found, stated_direction=request.direction, notes=notes, files=found.files[:frames])
 
 
-def _check_hertz(flicker: float) -> None:
-    lowest, highest = FLICKER_HZ
-    if not lowest <= flicker <= highest:
-        raise ValueError(f"flicker must lie in {lowest:g} Hz to {highest / 1e3:g} kHz, got {flicker:g} Hz")
+@dataclass(frozen=True, kw_only=True)
+class _Request:
+    """What `readout` was called with."""
+
+    source: Path | None
+    flicker: float | None  # Hz
+    from_clip: bool
+    table: tuple[str, str] | None
+    from_frame_rate: bool
+    scanlines_total: int | None
+    rate: Fraction | None  # frames a second
+    direction: Direction | None
+    frames: int
+
+    def __post_init__(self) -> None:
+        methods = {
+            "flicker": self.flicker is not None,
+            "from_clip": self.from_clip,
+            "table": self.table is not None,
+            "scanlines_total": self.from_frame_rate,
+        }
+        if sum(methods.values()) != 1:
+            chosen = " and ".join(name for name, is_chosen in methods.items() if is_chosen) or "none"
+            raise ValueError(f"the readout is measured by one of {', '.join(methods)}, got {chosen}")
+        if (self.source is None) != (self.table is not None):
+            raise ValueError("source must be a file or a folder, and none with a table")
+        if not 1 <= self.frames <= MOST_FRAMES:
+            raise ValueError(f"frames must lie in 1 to {MOST_FRAMES}, got {self.frames}")
+        lowest, highest = FLICKER_HZ
+        if self.flicker is not None and not lowest <= self.flicker <= highest:
+            raise ValueError(f"flicker must lie in {lowest:g} Hz to {highest / 1e3:g} kHz, got {self.flicker:g} Hz")
+
+
+def _measured(request: _Request, observer: Observer) -> ReadoutMeasurement:
+    """The readout by the method that is chosen."""
+    if request.table is not None:
+        return from_table(*request.table)
+    path, rate, direction = request.source or Path(), request.rate, request.direction
+    if request.flicker is not None:
+        return from_flicker(path, request.flicker, rate=rate, direction=direction, most=request.frames, observer=observer)
+    if request.from_clip:
+        return from_motion(path, rate=rate, direction=direction, most=request.frames, observer=observer)
+    return from_rate(path, request.scanlines_total, rate=rate, direction=direction)
 
 
 def _direction_notes(observed: Direction | None, stated: Direction | None) -> tuple[str, ...]:

@@ -19,6 +19,8 @@ EXAMPLES = [
     "calibration.profile.convert",
     "calibration.flicker.gains",
     "calibration.flicker.lit",
+    "calibration.flicker.wall",
+    "calibration.boards.render.photographs",
 ]
 
 
