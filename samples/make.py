@@ -21,7 +21,7 @@ from av.video.stream import VideoStream
 
 from rsvideo.physics import gyro, tone
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.noise import Noise
+from rsvideo.physics.sensor import Noise
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import extent, render

@@ -25,7 +25,7 @@ from pydantic import (
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics import distortion
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.noise import Noise
+from rsvideo.physics.sensor import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 MOST_BYTES = 100_000_000
@@ -195,7 +195,7 @@ class Sidecar(_Record):
     def timing(self, frame: FrameRecord) -> ShutterTiming:
         """The shutter of one frame."""
         camera, direction = self.settings.camera, self.settings.direction
-        scanlines = camera.rows if direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else camera.cols
+        scanlines = camera.rows if direction.by_row else camera.cols
         return ShutterTiming(exposure=frame.timing.exposure_s, row_time=frame.timing.row_time_s, rows=scanlines, direction=direction)
 
 

@@ -19,7 +19,8 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.physics.warp import taps
 
-SAMPLES = 30  # K of Eq. (3)
+SAMPLES = 30  # K of Eq. (3); the paper's (Sec. 5)
+LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
 PARTS = 8  # private copies of the latent image, at most, into which threads scatter
 
 
@@ -215,10 +216,10 @@ def _reach(maps: Float[np.ndarray, "s k 3 3"], camera: Intrinsics, image_from_sc
     """The largest move of any pixel in the image's x and y."""
     x, y = np.meshgrid(np.linspace(0, camera.cols - 1, 5), np.arange(camera.rows, dtype=float))
     at = np.concatenate([np.moveaxis(pinhole_from_px(camera, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, 5)
-    seen = np.einsum("skab,bsc->aksc", maps, at)
-    if not (seen[2] > 0.1).all():
+    mapped = np.einsum("skab,bsc->aksc", maps, at)
+    if not (mapped[2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    shown = np.moveaxis(px_from_pinhole(camera, seen[0] / seen[2], seen[1] / seen[2]), -1, 0)
+    shown = np.moveaxis(px_from_pinhole(camera, mapped[0] / mapped[2], mapped[1] / mapped[2]), -1, 0)
     move = np.abs(image_from_scan[:2, :2]) @ np.abs(shown - np.stack([x, y])[:, None]).reshape(2, -1)
     return float(move[0].max()), float(move[1].max())
 

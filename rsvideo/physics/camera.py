@@ -12,7 +12,8 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.distortion import WIDEST, Distortion
-from rsvideo.physics.shutter import Direction
+from rsvideo.physics.sensor import Noise
+from rsvideo.physics.shutter import Direction, ShutterTiming
 
 _BORDER = 9  # points of each side of the frame where a lens is checked
 _MET = 1e-6  # px, by which the lens must be invertible there
@@ -107,6 +108,20 @@ def _check_invertible(intrinsics: Intrinsics, lens: Distortion) -> None:
             f"the lens's distortion must map the frame of {c.cols} x {c.rows} px one to one, it {why} within it;"
             " do its coefficients belong to this mode and focal length?"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A rolling-shutter camera as it takes a frame: when each scanline collects light, where its pixels look, how noisy they are."""
+
+    timing: ShutterTiming
+    intrinsics: Intrinsics  # of the frame as it is stored
+    noise: Noise | None = None  # of each channel, by its linear light; None where it is to be measured in each frame
+
+    def along_scanlines(self) -> "Camera":
+        """The same camera, turned with its frames so that the scanlines are read from top to bottom."""
+        timing = replace(self.timing, direction=Direction.TOP_TO_BOTTOM)
+        return replace(self, timing=timing, intrinsics=self.intrinsics.along(self.timing.direction))
 
 
 def turned(

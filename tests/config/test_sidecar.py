@@ -11,7 +11,7 @@ from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.distortion import Distortion
-from rsvideo.physics.noise import Noise
+from rsvideo.physics.sensor import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, centred

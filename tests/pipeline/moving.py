@@ -16,7 +16,7 @@ from av.video.stream import VideoStream
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro, tone
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.noise import Noise
+from rsvideo.physics.sensor import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Rendering, render
 from rsvideo.physics.tone import Transfer
