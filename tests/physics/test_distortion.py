@@ -34,7 +34,7 @@ BARE = Intrinsics(fx=400.0, fy=420.0, cx=330.0, cy=230.0, rows=480, cols=640)
 POSE = np.array([24.0, -15.0, 0.06])
 
 
-@pytest.fixture(params=LENSES.values(), ids=LENSES.keys())
+@pytest.fixture(params=LENSES.values(), ids=list(LENSES))
 def camera(request: pytest.FixtureRequest) -> Intrinsics:
     return replace(BARE, distortion=request.param)
 

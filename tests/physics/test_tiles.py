@@ -100,7 +100,7 @@ LENSES = {
 }
 
 
-@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
+@pytest.mark.parametrize("lens", LENSES.values(), ids=list(LENSES))
 @pytest.mark.parametrize("tolerance", [0.5, 0.25])
 def test_the_blur_at_a_tiles_edge_is_off_by_the_tolerance_at_most(tolerance, lens):
     path, camera, timing = turning(0.01, readout=0.0)
