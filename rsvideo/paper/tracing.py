@@ -102,11 +102,11 @@ def traced_curve(kernel: Float[np.ndarray, "k k"]) -> tuple[Float[np.ndarray, "n
 def _longest_path(skeleton: Bool[np.ndarray, "r c"]) -> Int[np.ndarray, "n 2"]:
     """The longest of the shortest paths through the skeleton, from end to end; branches are left out."""
     points = np.argwhere(skeleton)
-    away = points[:, None] - points[None]
-    near = np.abs(away).max(axis=2) == 1
-    steps = csr_array(np.where(near, np.sqrt((away**2).sum(axis=2)), 0))
-    last = _farthest(dijkstra(steps, indices=0))  # the point farthest from any is an end
-    distance, before = dijkstra(steps, indices=last, return_predecessors=True)
+    apart = points[:, None] - points[None]
+    adjacent = np.abs(apart).max(axis=2) == 1  # the eight neighbours
+    graph = csr_array(np.where(adjacent, np.sqrt((apart**2).sum(axis=2)), 0))  # px between neighbours
+    last = _farthest(dijkstra(graph, indices=0))  # the point farthest from any is an end
+    distance, before = dijkstra(graph, indices=last, return_predecessors=True)
     path = [_farthest(distance)]  # and the one farthest from it the other
     while path[-1] != last:
         path.append(int(before[path[-1]]))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-LONGEST = 10.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
+LONGEST_MODELLED = 10.0  # seconds; an exposure or readout of this length or more is a slip of the unit on any stand
 
 
 class Direction(enum.StrEnum):
@@ -17,6 +17,11 @@ class Direction(enum.StrEnum):
     BOTTOM_TO_TOP = "bottom-to-top"
     LEFT_TO_RIGHT = "left-to-right"
     RIGHT_TO_LEFT = "right-to-left"
+
+    @property
+    def by_row(self) -> bool:
+        """Whether scanlines are rows of the stored image; else they are its columns."""
+        return self in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
 
     def scanlines(self, image: np.ndarray) -> np.ndarray:
         """The view of `image` (rows, cols, ...) whose first axis counts scanlines in the order they are read."""
@@ -67,13 +72,13 @@ class ShutterTiming:
     direction: Direction = Direction.TOP_TO_BOTTOM
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.exposure) and 0 < self.exposure < LONGEST):
-            raise ValueError(f"exposure must lie in (0, {LONGEST:g}) s, got {self.exposure:g} s; is it in milliseconds?")
+        if not (math.isfinite(self.exposure) and 0 < self.exposure < LONGEST_MODELLED):
+            raise ValueError(f"exposure must lie in (0, {LONGEST_MODELLED:g}) s, got {self.exposure:g} s; is it in milliseconds?")
         if self.rows < 1:
             raise ValueError(f"rows must be at least 1, got {self.rows}; is the image empty?")
-        if not (math.isfinite(self.row_time) and 0 <= self.readout < LONGEST):
+        if not (math.isfinite(self.row_time) and 0 <= self.readout < LONGEST_MODELLED):
             raise ValueError(
-                f"readout must lie in [0, {LONGEST:g}) s, got {self.readout:g} s"
+                f"readout must lie in [0, {LONGEST_MODELLED:g}) s, got {self.readout:g} s"
                 f" ({self.rows} rows of {self.row_time:g} s); is it in milliseconds?"
             )
 
