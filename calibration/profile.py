@@ -5,13 +5,13 @@ from typing import Protocol, runtime_checkable
 
 from calibration.output import file_format
 from rsvideo.config.files import write_whole
+from rsvideo.config.quantity import same_rate
 from rsvideo.config.yaml import ConfigError, meant
 from rsvideo.shooting import profiles
 from rsvideo.shooting.camera_profile import CameraProfile
 
 FILE_FORMATS = ("yaml", "yml")
 _PARTS = ("intrinsics", "timing", "tone", "noise")
-_SAME_RATE = 0.002  # 30 and 29.97 frames a second are one mode
 
 
 @runtime_checkable
@@ -95,7 +95,7 @@ def merge(before: CameraProfile, measured: CameraProfile) -> CameraProfile:
     """
     one, other = before.mode, measured.mode
     rates = {rate for rate in (one.fps, other.fps) if rate}
-    if (one.rows, one.cols) != (other.rows, other.cols) or (len(rates) == 2 and abs(max(rates) / min(rates) - 1) > _SAME_RATE):
+    if (one.rows, one.cols) != (other.rows, other.cols) or (len(rates) == 2 and not same_rate(max(rates), min(rates))):
         sizes = [f"{m.cols} x {m.rows}" + (f" at {m.fps:.5g} fps" if m.fps else "") for m in (one, other)]
         raise ConfigError(f"the profile is of {sizes[0]}, what was measured of {sizes[1]}; another mode needs another profile")
     parts = {part: new for part in _PARTS if (new := getattr(measured, part)) is not None}

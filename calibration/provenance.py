@@ -1,15 +1,14 @@
 """How, when and on what files a part of a profile was measured."""
 
 import datetime
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
+from rsvideo.config.files import sha256
 from rsvideo.shooting.camera_profile import Found
 
 _NAMES = 3  # files that are named in words; the others are counted
 _TEXT_LETTERS, _FILE_LETTERS, _CAMERA_LETTERS = 500, 300, 100  # that a profile takes for a text, a file's name, a camera's
-_CHUNK = 1 << 20  # bytes
 
 
 def provenance(how: str, files: Mapping[str, Path], when: str | None = None) -> Found:
@@ -20,7 +19,7 @@ def provenance(how: str, files: Mapping[str, Path], when: str | None = None) -> 
         how=how[:_TEXT_LETTERS],
         when=when or today(),
         source=words[:_TEXT_LETTERS],
-        files={name[-_FILE_LETTERS:]: _sha256(path) for name, path in files.items()},
+        files={name[-_FILE_LETTERS:]: sha256(path) for name, path in files.items()},
     )
 
 
@@ -32,11 +31,3 @@ def today() -> str:
 def camera_name(*names: str | None) -> str:
     """The first name that is given, as long as a profile takes it."""
     return next((name for name in names if name), "unnamed")[:_CAMERA_LETTERS]
-
-
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with path.open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            digest.update(chunk)
-    return digest.hexdigest()

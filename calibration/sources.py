@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-_CLIP_ENDINGS = {".mp4", ".mov", ".m4v", ".mkv", ".avi", ".mts", ".webm"}
+from rsvideo.config.media import CLIP_SUFFIXES
+
 _PHOTOGRAPH_ENDINGS = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".rw2", ".orf"}
 
 
@@ -14,7 +15,7 @@ def paths(files: Path | str | Sequence[Path | str]) -> tuple[Path, ...]:
 
 def is_clip(path: Path) -> bool:
     """Whether a file is taken for a clip, not for a photograph."""
-    return path.suffix.lower() in _CLIP_ENDINGS
+    return path.suffix.lower() in CLIP_SUFFIXES
 
 
 def photographs(files: Sequence[Path]) -> tuple[Path, ...]:

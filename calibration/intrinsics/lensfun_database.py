@@ -13,8 +13,8 @@ from jaxtyping import Float
 from calibration.provenance import camera_name, today
 from rsvideo.config.yaml import shown
 from rsvideo.shooting.camera_profile import CameraProfile, Distortion, Found, Lens, Measured, Mode
+from rsvideo.stills.exif import FULL_FRAME_DIAGONAL
 
-_FULL_FRAME_DIAGONAL_MM = 43.266615  # of 36 x 24
 _STILLS_ASPECT, _ASPECT_TOLERANCE = 1.5, 0.01
 _DISTANCE_M = 1000.0  # of the subject: far
 _APERTURE = 8.0  # distortion hardly depends on it
@@ -79,7 +79,7 @@ def look_up_lens(camera: str, lens: str, *, focal_mm: float, rows: int, cols: in
     if aspect > _STILLS_ASPECT + _ASPECT_TOLERANCE:
         crop *= float(np.hypot(1, 1 / _STILLS_ASPECT) / np.hypot(1, 1 / aspect))
         notes.append("the picture is taken to show the sensor's full width; modes that crop have a longer focal length")
-    focal = focal_mm * float(np.hypot(rows, cols)) / (_FULL_FRAME_DIAGONAL_MM / crop)
+    focal = focal_mm * float(np.hypot(rows, cols)) / (FULL_FRAME_DIAGONAL / crop)
     coefficients, rest = _bending(lensfun, found, crop, focal_mm, focal, rows, cols)
     if coefficients is None:
         notes.append("the database holds no distortion of this lens; it is left out")

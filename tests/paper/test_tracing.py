@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from rsvideo.paper.tracing import trace, traced_curve
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.restoration.psf_fit import Strip
-from rsvideo.restoration.tracing import trace, traced_curve
 
 ROWS = 240
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import skimage.data
 
+from rsvideo.paper.alternation import PaperSettings, alternate, update_motion
+from rsvideo.paper.latent_image import LatentSettings, RowBlur, restore, restore_rows
 from rsvideo.physics.blur import BlurOperator
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.row_fourier import row_fourier
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
-from rsvideo.restoration.alternation import PaperSettings, alternate, update_motion
-from rsvideo.restoration.latent import LatentSettings, RowBlur, restore, restore_rows
 from rsvideo.solvers.conjugate_gradient import NormalMatrix, conjugate_gradient
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.stopping import solve
@@ -143,7 +143,7 @@ def test_a_round_of_algorithm_1_lowers_the_objective_by_both_updates(coefficient
     b, _, K = taken(coefficients)
     start = off(K).trajectory
     settings = PaperSettings(latent=LatentSettings(steps=30))
-    one = next(alternate(b, timing=K.timing, intrinsics=CAMERA, start=start, settings=settings))
+    one = next(alternate(b, camera=Camera(timing=K.timing, intrinsics=CAMERA), start=start, settings=settings))
     before = BlurOperator.covering(start, timing=K.timing, intrinsics=CAMERA, slack=settings.slack)
     flat = np.pad(b, [(m, m) for m in before.margin], mode="edge")
     at_start, after_latent = (objective(x, b, mu=one.mu, blur=before, gradient=Differences()) for x in (flat, one.latent))
@@ -155,7 +155,7 @@ def test_mu_falls_by_tau_to_its_least_and_the_gauge_stays():
     b, _, K = taken(SHIFT)
     settings = PaperSettings(mu_0=1e-2, tau=0.5, mu_min=2e-3, motion_steps=1, latent=LatentSettings(steps=3))
     start = off(K).trajectory.shifted(np.array([0.5, 0.2]))
-    rounds = list(itertools.islice(alternate(b, timing=K.timing, intrinsics=CAMERA, start=start, settings=settings), 4))
+    rounds = list(itertools.islice(alternate(b, camera=Camera(timing=K.timing, intrinsics=CAMERA), start=start, settings=settings), 4))
     assert [r.mu for r in rounds] == pytest.approx([1e-2, 5e-3, 2.5e-3, 2e-3])
     for r in rounds:
         np.testing.assert_array_equal(r.trajectory.coefficients[0], start.coefficients[0])

@@ -7,15 +7,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from rsvideo.paper.latent_image import LatentSettings, restore
 from rsvideo.physics.blur import SAMPLES, BlurOperator
-from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration.latent import LatentSettings, restore
 from rsvideo.solvers import total_variation
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.gauss_newton import Quadratic, gauss_newton, quadratic
 from rsvideo.solvers.stopping import solve
+
+TIMES = 65  # at which two paths are compared
+SETTLED = 1e-4  # relative fall of the objective that ends Gauss-Newton
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +40,7 @@ class PaperSettings:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Iterate:
+class Round:
     """What one round of Algorithm 1 found; Fig. 5 shows a few of them."""
 
     trajectory: Trajectory  # theta^{k+1}
@@ -52,29 +54,28 @@ class Iterate:
 def alternate(
     b: Float[np.ndarray, "rows cols"],
     *,
-    timing: ShutterTiming,
-    intrinsics: Intrinsics,
+    camera: Camera,
     start: Trajectory,
     settings: PaperSettings,
-) -> Iterator[Iterate]:
+) -> Iterator[Round]:
     """Rounds of Algorithm 1 from a trajectory theta_0 (Sec. 4.2.2); `b` is grey and linear in [0, 1].
 
     The paper's alternation, with one difference: the trajectory's constant term is a gauge, which only moves the latent image
-    as a whole, and stays at the start's where the paper would let it wander.
+    as a whole, and stays at the start's where the paper lets it wander.
     """
     theta, mu = start, settings.mu_0
     while True:
-        K = BlurOperator.covering(theta, timing=timing, intrinsics=intrinsics, samples=settings.K, slack=settings.slack)
+        K = BlurOperator.covering(theta, timing=camera.timing, intrinsics=camera.intrinsics, samples=settings.K, slack=settings.slack)
         latent = restore(b, K, mu=mu, settings=settings.latent)  # Eq. (15)
         moved = update_motion(b, latent, K, steps=settings.motion_steps)  # Eq. (9)
         after = _moved(K, moved)
-        yield Iterate(
+        yield Round(
             trajectory=moved,
             latent=latent,
             sharp=latent[K.inside],
             objective=total_variation.objective(latent, b, mu=mu, blur=after, gradient=Differences()),
             mu=mu,
-            change=_distance(theta, moved, intrinsics),
+            change=_distance(theta, moved, camera),
         )
         theta, mu = moved, max(settings.tau * mu, settings.mu_min)
 
@@ -99,7 +100,7 @@ def update_motion(
         return quadratic(residual(theta), J_r.reshape(theta.size, *b.shape))
 
     states = gauss_newton(objective, linearise, K.trajectory.coefficients[1:].ravel())
-    return path(solve(states, steps=steps, tolerance=1e-4).state.theta)
+    return path(solve(states, steps=steps, tolerance=SETTLED).state.theta)
 
 
 def _moved(K: BlurOperator, trajectory: Trajectory) -> BlurOperator:
@@ -107,8 +108,9 @@ def _moved(K: BlurOperator, trajectory: Trajectory) -> BlurOperator:
     return BlurOperator(timing=K.timing, trajectory=trajectory, intrinsics=K.intrinsics, samples=K.samples, margin=K.margin)
 
 
-def _distance(one: Trajectory, other: Trajectory, intrinsics: Intrinsics) -> float:
-    t = np.linspace(one.t0, one.t1, 65)
+def _distance(one: Trajectory, other: Trajectory, camera: Camera) -> float:
+    """px RMS over the frame's interval."""
+    t = np.linspace(one.t0, one.t1, TIMES)
     apart = one.at(t) - other.at(t)
-    apart[:, 2:] *= math.hypot(intrinsics.rows, intrinsics.cols) / 4  # roll moves a pixel halfway to the corner by this
+    apart[:, 2:] *= math.hypot(camera.intrinsics.rows, camera.intrinsics.cols) / 4  # roll moves a pixel halfway to the corner by this
     return float(np.sqrt((apart**2).sum(axis=1).mean()))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rsvideo.video.decode import pictures, probe
-from rsvideo.video.encode import Writer
-from rsvideo.video.encoding import Codec, Encoding
+from rsvideo.video.output_format import Codec, Encoding
 from rsvideo.video.stream import Stream
+from rsvideo.video.writer import Writer
 from tests.video.clips import make, packets
 
 IRREGULAR = [0, 3003, 6006, 7000, 12012, 12013, 20000, 90000]

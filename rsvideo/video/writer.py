@@ -19,11 +19,11 @@ from av.container import InputContainer, OutputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreadableError, part_of
 from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour as tint
 from rsvideo.video import decode, sequence
-from rsvideo.video.encoding import CONTAINERS, ENCODERS, SEQUENCES, Encoding, chosen
+from rsvideo.video.output_format import CONTAINERS, ENCODERS, SEQUENCES, Encoding, chosen
 from rsvideo.video.stream import Colour, Matrix, Picture, Stream
 from rsvideo.video.timecode import later
 
@@ -47,7 +47,7 @@ class Writer:
             raise ValueError(f"the range must lie within the clip's {stream.frames} pictures, got {first} to {last}")
         self._codec, self.colour, notes = chosen(path, stream, self._encoding)
         self._notes = list(notes)
-        self._part = path.with_name(path.name + ".part")
+        self._part = part_of(path)
         self._shift = int(stream.times[first]) if first else 0
         passed = round(self._shift * stream.time_base * stream.rate)
         self._timecode = stream.timecode and later(stream.timecode, passed, stream.rate)
