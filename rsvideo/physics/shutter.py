@@ -11,7 +11,7 @@ LONGEST_MODELLED = 10.0  # seconds; an exposure or readout of this length or mor
 
 
 class Direction(enum.StrEnum):
-    """The way the readout travels over the stored image."""
+    """How the readout travels over the stored image."""
 
     TOP_TO_BOTTOM = "top-to-bottom"
     BOTTOM_TO_TOP = "bottom-to-top"
@@ -37,7 +37,7 @@ class Direction(enum.StrEnum):
 
     @property
     def pose_from_scanlines(self) -> Float[np.ndarray, "3 3"]:
-        """The signed permutation that takes a pose (x, y, roll) seen along the scanlines to the pose in the image."""
+        """The signed permutation that takes a pose (x, y, roll) along the scanlines to the pose in the image."""
         match self:
             case Direction.TOP_TO_BOTTOM:
                 return np.eye(3)
@@ -47,6 +47,16 @@ class Direction(enum.StrEnum):
                 return np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
             case Direction.RIGHT_TO_LEFT:
                 return np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+    def poses_along_scanlines(self, poses: Float[np.ndarray, "*n axes"]) -> Float[np.ndarray, "*n axes"]:
+        """Poses (x, y[, roll]) in the image's axes, or a path's coefficients, along the scanlines."""
+        axes = poses.shape[-1]
+        return poses @ self.pose_from_scanlines[:axes, :axes]
+
+    def poses_in_image(self, poses: Float[np.ndarray, "*n axes"]) -> Float[np.ndarray, "*n axes"]:
+        """The inverse of `poses_along_scanlines`."""
+        axes = poses.shape[-1]
+        return poses @ self.pose_from_scanlines[:axes, :axes].T
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,13 +13,13 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import GyroFile, Method, check_gyro
 from rsvideo.config.quantity import frame_rate
 from rsvideo.frame import Frame
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline import clip_facts, gyro_alignment, output
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing
 from rsvideo.video import colour, decode, vidstab
 from rsvideo.video.output_format import Encoding, chosen
@@ -122,9 +122,8 @@ class ClipTask:
             settings=self.settings,
             block_rows=self.job.block_rows,
             gyro=self.gyro,
-            timing=self.timing,
+            camera=Camera(timing=self.timing, intrinsics=self.camera.intrinsics),
             timing_source=self.timing_source,
-            intrinsics=self.camera.intrinsics,
         )
 
     def pictures(self, first: int | None = None, last: int | None = None) -> Iterator[Picture]:
