@@ -53,7 +53,7 @@ def frame(picture: Picture, colour: Colour, video: VideoStream, part: Part) -> V
 
 
 def _layout(colour: Colour) -> str:
-    """FFmpeg's name of the planes; whether the range is full is said apart from it."""
+    """FFmpeg's name of the planes; whether the range is full is a tag of its own."""
     return colour.pixel_format.replace("yuvj", "yuv")
 
 
