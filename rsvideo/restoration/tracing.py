@@ -1,7 +1,7 @@
 """From the kernels of strips to a trajectory, the paper's way: Sec. 4.2.2.
 
 Each kernel is smoothed, thinned to a curve, and traced from one end to the other; a point's time is the intensity that has
-accumulated on the way to it, its confidence its own intensity. Which end came first is not in a kernel: all senses of all strips
+accumulated on the path to it, its confidence its own intensity. Which end came first is not in a kernel: all senses of all strips
 are tried, and the polynomial with the least residual wins.
 """
 
@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
@@ -98,36 +100,18 @@ def traced_curve(kernel: Float[np.ndarray, "k k"]) -> tuple[Float[np.ndarray, "n
 
 
 def _longest_path(skeleton: Bool[np.ndarray, "r c"]) -> Int[np.ndarray, "n 2"]:
-    """The longest of the shortest ways through the skeleton, from end to end; branches are left out."""
+    """The longest of the shortest paths through the skeleton, from end to end; branches are left out."""
     points = np.argwhere(skeleton)
-    away = np.abs(points[:, None] - points[None]).max(axis=2)
-    near = away == 1
-    last = _farthest(_ways_from(0, points, near)[0])  # the point farthest from any is an end
-    distance, before = _ways_from(last, points, near)
-    start = _farthest(distance)  # and the one farthest from it the other
-    way = [start]
-    while way[-1] != last:
-        way.append(int(before[way[-1]]))
-    return points[np.array(way)]
+    apart = points[:, None] - points[None]
+    adjacent = np.abs(apart).max(axis=2) == 1  # the eight neighbours
+    graph = csr_array(np.where(adjacent, np.sqrt((apart**2).sum(axis=2)), 0))  # px between neighbours
+    last = _farthest(dijkstra(graph, indices=0))  # the point farthest from any is an end
+    distance, before = dijkstra(graph, indices=last, return_predecessors=True)
+    path = [_farthest(distance)]  # and the one farthest from it the other
+    while path[-1] != last:
+        path.append(int(before[path[-1]]))
+    return points[np.array(path)]
 
 
 def _farthest(distance: Float[np.ndarray, " n"]) -> int:
     return int(np.argmax(np.where(np.isfinite(distance), distance, -1)))
-
-
-def _ways_from(
-    start: int, points: Int[np.ndarray, "n 2"], near: Bool[np.ndarray, "n n"]
-) -> tuple[Float[np.ndarray, " n"], Int[np.ndarray, " n"]]:
-    """Dijkstra's distances from one point to all, and the point before each on its way."""
-    distance = np.full(len(points), np.inf)
-    before = np.full(len(points), start)
-    distance[start] = 0
-    open_ = np.ones(len(points), bool)
-    for _ in range(len(points)):
-        n = int(np.argmin(np.where(open_, distance, np.inf)))
-        open_[n] = False
-        step = distance[n] + np.sqrt(((points - points[n]) ** 2).sum(axis=1))
-        shorter = near[n] & (step < distance)
-        distance[shorter] = step[shorter]
-        before[shorter] = n
-    return distance, before
