@@ -7,8 +7,8 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-import click
 import pytest
 import typer.main
 
@@ -98,7 +98,7 @@ def commands(text: str) -> Iterator[str]:
 def verbs() -> dict[str, frozenset[str]]:
     """The options of each verb of the command."""
 
-    def walk(command: click.Command, name: str) -> Iterator[tuple[str, frozenset[str]]]:
+    def walk(command: Any, name: str) -> Iterator[tuple[str, frozenset[str]]]:
         options = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
         yield name, frozenset(options | {"--help", "--version"})
         for verb, below in getattr(command, "commands", {}).items():

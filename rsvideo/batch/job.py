@@ -12,7 +12,7 @@ from rsvideo.config.quantity import hand_held, pixels, seconds, span
 from rsvideo.config.yaml import ConfigError, Positions, meant, shown, validated
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
-from rsvideo.video.encoding import Codec
+from rsvideo.video.output_format import Codec
 
 SECTIONS = ("input", "camera", "motion", "deblur", "encoding")
 MOST_ENTRIES = 10_000

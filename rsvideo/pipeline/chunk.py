@@ -20,7 +20,8 @@ from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.pipeline import methods, output
 from rsvideo.pipeline.clip_job import ClipTask
-from rsvideo.restoration.multi_frame import Movement
+from rsvideo.progress import Observer
+from rsvideo.restoration.movement import Movement
 from rsvideo.shooting import known_motion as motion_file
 from rsvideo.video import colour, cuts, decode, planes, vidstab
 from rsvideo.video.stream import Picture
@@ -65,7 +66,7 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
     pictures = list(task.pictures(begin, end))
     if task.job.method.steadied:
         pictures = _steadied(task, pictures, folder)
-    moving = _movement(task, pictures, lambda index: observe(index, "motion", 0.0))
+    moving = _movement(task, pictures, lambda at: observe(at.frame or 0, at.stage, at.fraction))
     mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
     wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
     record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
@@ -121,10 +122,10 @@ def _results(
                 observe(frame.index, "passed on", 1.0)
         else:
             part = moving.part(indices[0], indices[-1] + 1)
-            yield from methods.run(task.treatment, frames, part, lambda index, fraction: observe(index, "restoring", fraction))
+            yield from methods.run(task.treatment, frames, part, lambda at: observe(at.frame or 0, at.stage, at.fraction))
 
 
-def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Callable[[int], None]) -> Movement:
+def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Observer) -> Movement:
     """The motion within each frame, and from each to the next."""
     camera = task.camera.intrinsics
     if task.job.trajectory is not None:

@@ -1,6 +1,5 @@
 """One clip, from file to file: its chunks restored, and all of them encoded as the original was."""
 
-import hashlib
 import json
 import tempfile
 from collections import Counter
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config import sidecar
-from rsvideo.config.files import write_whole
+from rsvideo.config.files import sha256, write_whole
 from rsvideo.config.method import Method
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Verdict
@@ -22,8 +21,8 @@ from rsvideo.pipeline.chunk import ChunkRecord, chunks, told, work
 from rsvideo.pipeline.clip_job import ClipTask
 from rsvideo.shooting import gcsv
 from rsvideo.video import colour, planes
-from rsvideo.video.encode import Writer
-from rsvideo.video.stream import Picture, Stream
+from rsvideo.video.stream import Picture
+from rsvideo.video.writer import Writer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,16 +127,6 @@ def _settings(task: ClipTask) -> sidecar.Settings:
         transfer=task.stream.colour.transfer.value,
         trajectory_from=None if task.job.trajectory is None else str(task.job.trajectory),
         restoration=json.loads(json.dumps(asdict(task.settings))),
-        input_sha256=_sha256(task.stream),
+        input_sha256=sha256(*(task.stream.files or (task.stream.path,))),
         encoding=json.loads(json.dumps(asdict(task.encoding))),
     )
-
-
-def _sha256(stream: Stream) -> str:
-    """Of the file, or of a sequence's files one after the other."""
-    digest = hashlib.sha256()
-    for path in stream.files or (stream.path,):
-        with path.open("rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()

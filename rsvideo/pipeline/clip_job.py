@@ -11,17 +11,18 @@ import numpy as np
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import GyroFile, Method, check_gyro
+from rsvideo.config.quantity import frame_rate
 from rsvideo.frame import Frame
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline import clip_facts, gyro_alignment, output
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing
 from rsvideo.video import colour, decode, vidstab
-from rsvideo.video.encoding import Encoding, chosen
+from rsvideo.video.output_format import Encoding, chosen
 from rsvideo.video.stream import Picture, Stream
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
@@ -69,16 +70,8 @@ class ClipJob:
 
     @property
     def pictures_a_second(self) -> Fraction | None:
-        """Of a sequence, as far as it is said."""
-        if self.rate is None:
-            return None
-        try:
-            rate = Fraction(self.rate)
-        except (ValueError, ZeroDivisionError):
-            rate = Fraction(0)
-        if not Fraction(1, 100) <= rate <= 100_000:
-            raise ValueError(f"rate must be frames a second, such as 24 or 30000/1001, got {self.rate!r}")
-        return rate
+        """Of a sequence, where it is given."""
+        return None if self.rate is None else frame_rate(self.rate)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,9 +122,8 @@ class ClipTask:
             settings=self.settings,
             block_rows=self.job.block_rows,
             gyro=self.gyro,
-            timing=self.timing,
+            camera=Camera(timing=self.timing, intrinsics=self.camera.intrinsics),
             timing_source=self.timing_source,
-            intrinsics=self.camera.intrinsics,
         )
 
     def pictures(self, first: int | None = None, last: int | None = None) -> Iterator[Picture]:

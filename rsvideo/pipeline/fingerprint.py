@@ -8,6 +8,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsvideo.config.files import sha256
+
 if TYPE_CHECKING:
     from rsvideo.pipeline.clip_job import ClipJob
     from rsvideo.pipeline.job import Job
@@ -17,12 +19,6 @@ _END = 4_000_000
 _END_IN_FOLDER = 64_000
 
 
-def of_file(path: Path) -> str:
-    """SHA-256 of all bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def of_source(path: Path) -> str:
     """Changes when a clip, or any picture in a folder, does; of a pattern, any in its folder."""
     if not path.exists():
@@ -30,14 +26,14 @@ def of_source(path: Path) -> str:
     if path.is_dir():
         ends = [[each.name, _ends(each, _END_IN_FOLDER)] for each in sorted(path.iterdir()) if each.is_file()]
         return of_values({"folder": ends})
-    return of_file(path) if path.stat().st_size <= WHOLE else _ends(path, _END)
+    return sha256(path) if path.stat().st_size <= WHOLE else _ends(path, _END)
 
 
 def of_request(job: "Job | ClipJob") -> str:
     """Of all that steers the work, and of the program; files by what they hold, not by where they are."""
     asked = {name: value for name, value in asdict(job).items() if name not in ("source", "output", "overwrite")}
     files = {"trajectory": job.trajectory, "gyro_path": job.gyro.path, "camera": None if job.camera is None else Path(job.camera)}
-    held = {name: of_file(path) if path is not None and path.is_file() else path for name, path in files.items()}
+    held = {name: sha256(path) if path is not None and path.is_file() else path for name, path in files.items()}
     return of_values({**asked, "gyro": (job.gyro.offset, job.gyro.axes), **held, "rsvideo": version("rsvideo")})
 
 

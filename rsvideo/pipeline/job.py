@@ -8,7 +8,7 @@ from typing import Any
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import GyroFile, Method, check_gyro
-from rsvideo.config.quantity import LONGEST, hand_held
+from rsvideo.config.quantity import HAND_HELD_LIMIT, hand_held
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
@@ -115,9 +115,10 @@ def _timing(job: Job, photograph: Still, said: profiles.Facts | None) -> tuple[S
         readout, whence = hand_held("readout (from the profile)", said.readout.value, zero=True), f"by {said.readout.source}"
     else:
         readout = scanlines * (job.row_time or 0.0)
-        if readout > LONGEST:
+        if readout > HAND_HELD_LIMIT:
             raise ValueError(
-                f"row-time must let {scanlines} rows be read in {LONGEST:g} s, got {job.row_time:g} s a row, which makes {readout:g} s;"
+                f"row-time must let {scanlines} rows be read in {HAND_HELD_LIMIT:g} s, got {job.row_time:g} s a row,"
+                f" which makes {readout:g} s;"
                 " is it in milliseconds or microseconds?"
             )
     timing = ShutterTiming.from_readout(exposure=exposure, readout=readout, rows=scanlines, direction=direction)

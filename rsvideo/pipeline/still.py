@@ -10,10 +10,11 @@ import numpy as np
 from rsvideo.config import sidecar
 from rsvideo.config.files import write_whole
 from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.physics.camera import Camera
 from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.job import Task
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import known_motion
 from rsvideo.stills import still
 from rsvideo.stills.still import Format
@@ -44,9 +45,8 @@ def carry_out(task: Task, observe: Callable[[str, float], None]) -> Outcome:
         settings=settings,
         block_rows=task.job.block_rows,
         gyro=gyro,
-        timing=task.timing,
+        camera=Camera(timing=task.timing, intrinsics=task.camera.intrinsics),
         timing_source=task.timing_source,
-        intrinsics=task.camera.intrinsics,
     )
     result = methods.photograph(
         asked, Frame(pixels=task.still.pixels, clipped=task.still.clipped), trajectory, lambda at: observe(at.stage, at.fraction)

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from rsvideo.config.quantity import hand_held
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.shooting.fact import Fact
-from rsvideo.shooting.readout_table import Readout
+from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
-SLACK = 0.01  # of a frame's period, by which clocks and rounding may let a time exceed it
 _APART = 0.05  # of a readout; sources that differ by more are told
 _UPRIGHT = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
 
@@ -196,7 +195,7 @@ def _usable(name: str, said: Fact[float] | None, asked: Asked, known: Known) -> 
 
 
 def _within_period(name: str, value: float, asked: Asked, known: Known) -> float:
-    if known.fps is None or asked.force or value * known.fps <= 1 + SLACK:
+    if known.fps is None or asked.force or value * known.fps <= 1 + PERIOD_SLACK:
         return value
     slip = (
         "is it in milliseconds?" if value * 1e-3 * known.fps <= 1 else "is the clip slowed down or sped up? --force takes it all the same"

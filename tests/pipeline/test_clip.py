@@ -108,7 +108,7 @@ def test_a_range_beyond_the_clip_is_refused(tmp_path: Path) -> None:
         ({"focal_px": None}, "focal-px"),
         ({"readout": 0.05}, "readout"),
         ({"encoding": {"codec": "prores"}}, "ProRes must be written to .mov"),
-        ({"rate": "fast"}, "rate must be frames a second"),
+        ({"rate": "fast"}, "rate must be a number of frames a second"),
         ({"steering": {"degree": 99}}, "degree must lie in"),
     ],
 )

@@ -1,0 +1,21 @@
+"""Photographs and clips, told apart by their names."""
+
+from pathlib import Path
+
+CLIP_SUFFIXES = (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts", ".m2ts", ".mxf", ".3gp", ".mpg", ".mpeg")
+_NUMBERED = "#%*"  # marks of a pattern that stands for numbered pictures: frame_####.dng, frame_%04d.dng, frame_*.dng
+
+
+def is_pattern(path: Path) -> bool:
+    """Whether a name stands for numbered pictures."""
+    return any(mark in path.name for mark in _NUMBERED)
+
+
+def is_sequence(path: Path) -> bool:
+    """Whether the frames are pictures of their own, in a folder or under a pattern."""
+    return path.is_dir() or is_pattern(path)
+
+
+def is_clip(path: Path) -> bool:
+    """Whether a source holds frames one after the other; a file that is not what its name says is refused when it is read."""
+    return path.suffix.lower() in CLIP_SUFFIXES or is_sequence(path)
