@@ -21,13 +21,13 @@ from av.video.stream import VideoStream
 
 from rsvideo.physics import gyro, tone
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import extent, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline
-from rsvideo.shooting.known_motion import COLUMNS
+from rsvideo.shooting.given_motion import COLUMNS
 from rsvideo.stills import still
 from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rsvideo.physics.camera import Intrinsics
-    from rsvideo.physics.sensor import Noise
+    from rsvideo.physics.noise import Noise
     from rsvideo.physics.shutter import Direction
     from rsvideo.physics.simulate import Rendering
     from rsvideo.physics.staging import Motion, Stage
@@ -141,7 +141,7 @@ def _optics(
 ) -> _Optics:
     """What the options say, and the profile where they do not."""
     from rsvideo.config.quantity import hand_held, seconds
-    from rsvideo.physics.sensor import Noise
+    from rsvideo.physics.noise import Noise
     from rsvideo.physics.shutter import Direction
     from rsvideo.shooting import profiles
 

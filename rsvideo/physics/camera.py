@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.distortion import WIDEST, Distortion
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 _BORDER = 9  # points of each side of the frame where a lens is checked
@@ -116,7 +116,7 @@ class Camera:
 
     timing: ShutterTiming
     intrinsics: Intrinsics  # of the frame as it is stored
-    noise: Noise | None = None  # of each channel, by its linear light; None where it is to be measured in each frame
+    noise: Noise | None = None  # of the sensor; None where it is to be measured in each frame
 
     def along_scanlines(self) -> "Camera":
         """The same camera, turned with its frames so that the scanlines are read from top to bottom."""

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from rsvideo.physics.bent import bent, packed
 from rsvideo.physics.camera import Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.luminance import luminance
-from rsvideo.physics.noise import noise_level
+from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Trajectory
 
@@ -41,16 +41,16 @@ class View:
         return replace(self.source, pixels=pixels, clipped=clipped)
 
     @cached_property
-    def given_noise(self) -> float | None:
-        """Standard deviation of a channel's noise at the frame's mean light, by the camera; None where it does not say."""
-        return self.camera.noise.over(self.pixels) if self.camera.noise else None
-
-    @cached_property
     def noise(self) -> float:
         """Standard deviation of a channel's noise, in linear light: the camera's where it is given, else measured."""
-        if self.given_noise is not None:
-            return max(self.given_noise, LEAST_NOISE)
-        return max(noise_level(luminance(self.pixels)) * (COLOUR_NOISE if self.pixels.shape[2] == 3 else 1.0), LEAST_NOISE)
+        if self.camera.noise is not None:
+            return max(self.camera.noise.over(self.pixels), LEAST_NOISE)
+        return max(noise_level(luminance(self.pixels)) * self.colour_noise, LEAST_NOISE)
+
+    @property
+    def colour_noise(self) -> float:
+        """A channel's noise over that of the luminance."""
+        return COLOUR_NOISE if self.pixels.shape[2] == 3 else 1.0
 
 
 def to_scanlines(frame: Frame, camera: Camera) -> View:

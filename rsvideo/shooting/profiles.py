@@ -10,7 +10,7 @@ from rsvideo.config.quantity import same_rate
 from rsvideo.config.yaml import ConfigError
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.distortion import Distortion
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Tone
 from rsvideo.shooting.camera_profile import CameraProfile, Clock, Lens, Measured, Mode
@@ -31,7 +31,7 @@ class Facts:
     readout: Fact[float] | None  # seconds
     direction: Fact[Direction] | None
     tone: Tone | None  # a standard's curve, or the one that was measured
-    clip: float | None  # the code in [0, 1] from which on highlights are lost
+    saturation: float | None  # the code in [0, 1] from which on highlights are lost
     noise: Noise | None
 
 
@@ -98,10 +98,10 @@ def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) ->
     return Facts(
         profile=name,
         intrinsics=_scaled(profile.intrinsics, mode, rows, cols) if profile.intrinsics else None,
-        readout=_sourced(clock).said(name) if clock else None,
+        readout=_sourced(clock).fact(name) if clock else None,
         direction=Fact(value=clock.direction, source=name) if clock else None,
         tone=response(profile)[0],
-        clip=response(profile)[1],
+        saturation=response(profile)[1],
         noise=Noise(read=profile.noise.read.value, shot=profile.noise.shot.value) if profile.noise else None,
     ), notes
 

@@ -10,7 +10,7 @@ from rsvideo.baselines.nonuniform import Density
 from rsvideo.frame import Verdict
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.settings import Settings

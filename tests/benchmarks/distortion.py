@@ -25,7 +25,11 @@ LENSES = {  # focal length as a part of the columns, model, coefficients
     "wide": (0.62, "brown-conrady", (-0.25, 0.08, 0.0008, -0.0005, -0.008)),  # 102 degrees across the diagonal
     "fisheye": (0.45, "fisheye", (0.02, -0.01, 0.0, 0.0)),  # 150 degrees
 }
-PHOTOS = ("disco_Capucijnengang_by_Artem_Kavalerov.jpg", "saucy_The_City_of_Polen_by_MilanVankovski.jpg", "karmic_Shoes.jpg")
+PHOTOS = {
+    "alley": "disco_Capucijnengang_by_Artem_Kavalerov.jpg",
+    "town": "saucy_The_City_of_Polen_by_MilanVankovski.jpg",
+    "shoes": "karmic_Shoes.jpg",
+}
 MOTIONS = (  # vigorous turns with roll; blind methods cannot begin from a roll alone
     "x:0,9,-14,4;y:0,-12,9;roll:0,0.03,-0.01",
     "x:0,-16,5;y:0,8,6,-5;roll:0,-0.02,0.015",
@@ -69,10 +73,10 @@ def main() -> None:
 def cases(photos: Path, results: Path) -> list[Case]:
     """Every picture behind one lens or the other, in turn."""
     pictures = [SAMPLES / name / "truth.png" for name in ("astronaut", "coffee", "photographer")]
-    for source in (photos / name for name in PHOTOS):
-        image = cv2.imread(str(source))
+    for name, file in PHOTOS.items():
+        image = cv2.imread(str(photos / file)) if (photos / file).is_file() else None
         if image is not None:
-            pictures.append(results / f"{source.stem.split('_')[1].lower()}.png")
+            pictures.append(results / f"{name}.png")
             size = (WIDTH, round(WIDTH * image.shape[0] / image.shape[1]))
             cv2.imwrite(str(pictures[-1]), cv2.resize(image, size, interpolation=cv2.INTER_AREA))
     names = [path.parent.name if path.name == "truth.png" else path.stem for path in pictures]

@@ -25,8 +25,8 @@ from rsvideo.paper.latent_image import LatentSettings, RowBlur, restore_rows
 from rsvideo.physics import simulate
 from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.row_fourier import RowFourier, row_fourier
-from rsvideo.physics.sensor import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer, decode
 from rsvideo.physics.trajectory import Polynomial
@@ -156,16 +156,16 @@ def by_sparse_matrix(
     begin = time.perf_counter()
     A = assembled(K)
     assembly = time.perf_counter() - begin
-    rho = 1 / threshold
-    N = NormalMatrix(blur=A, gradient=D, scale=1 / MU, rho=rho)
-    seen = A.adjoint(b) / MU
+    rho = MU / threshold
+    N = NormalMatrix(blur=A, gradient=D, rho=rho)
+    seen = A.adjoint(b)
 
-    def minimise_l(_: np.ndarray, g: np.ndarray, latent: np.ndarray) -> np.ndarray:
-        return solve(conjugate_gradient(N, seen + rho * D.adjoint(g), latent), steps=inner, tolerance=1e-6).state.x
+    def update(data: np.ndarray, g: np.ndarray, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return solve(conjugate_gradient(N, seen + rho * D.adjoint(g), latent), steps=inner, tolerance=1e-6).state.x, data
 
     start = np.pad(b, [(m, m) for m in K.margin], mode="edge")
     seconds, steps, value = time.perf_counter() - begin, -1, math.inf
-    states = total_variation(b, mu=MU, rho=rho, blur=A, gradient=D, minimise_l=minimise_l, start=start)
+    states = total_variation(b, mu=MU, rho=rho, gradient=D, update=update, start=start)
     while value > until and steps < most:
         begin = time.perf_counter()
         state = next(states)
@@ -223,7 +223,7 @@ def least(frame) -> tuple[float, float]:
     """The least of Eq. (8) by rows and by sparse matrix, from long runs."""
     b, _, K = frame
     A = row_fourier(K.displacement, COLS)
-    rows = restore_rows(b, A, mu=MU, settings=LatentSettings(steps=300, tolerance=0), weights=None).state.latent
+    rows = restore_rows(b, A, mu=MU, settings=LatentSettings(steps=300, tolerance=0)).state.latent
     return value_by_rows(rows, b, A), by_sparse_matrix(b, K, until=0, threshold=0.05, inner=6, most=60)[2]
 
 
@@ -234,7 +234,7 @@ def test_latent_update(frame, least, benchmark, steps):
 
     def exact() -> np.ndarray:
         A = row_fourier(K.displacement, COLS)
-        return restore_rows(b, A, mu=MU, settings=settings, weights=None).state.latent
+        return restore_rows(b, A, mu=MU, settings=settings).state.latent
 
     exact()
     seconds, latent = timed(exact)

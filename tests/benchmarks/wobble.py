@@ -23,7 +23,7 @@ from rsvideo.frame import Frame
 from rsvideo.physics import gyro
 from rsvideo.physics.camera import Camera, Intrinsics, turned
 from rsvideo.physics.luminance import luminance
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import margin, render

@@ -2,9 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
@@ -13,16 +10,16 @@ import typer
 
 from rsvideo.cli import exit_codes
 from rsvideo.cli.simulate import simulate
+from tests.cli.forked import call
 
 VERB = typer.Typer()
 VERB.command()(simulate)
-COMMAND = Path(sys.executable).parent / "rsvideo"
 TIMING = ["--exposure", "1/50", "--readout", "20ms", "--focal-px", "300"]
 LOG = "\n".join(f"{k * 5_000_000} 0.1 0.5 -0.3" for k in range(100))
 
 
 def run(*words):
-    done = subprocess.run([COMMAND, "simulate", *map(str, words)], capture_output=True, text=True, check=False, timeout=60)
+    done = call("simulate", *words)
     assert not done.stdout
     assert "Traceback" not in done.stderr
     return done
@@ -184,7 +181,7 @@ def test_a_distorted_frame_is_restored_better_by_its_profile_than_without_its_di
             tmp_path / f"{name}.yaml",
         ]
         words += ["--trajectory", tmp_path / "motion.csv", "--prior", "tv"]
-        done = subprocess.run([COMMAND, *map(str, words)], capture_output=True, text=True, check=False, timeout=300)
+        done = call(*words)
         assert done.returncode == 0, done.stderr
         left[name] = np.mean((iio.imread(tmp_path / f"{name}.png")[10:-10, 10:-10] / 255 - truth) ** 2)
         camera = json.loads((tmp_path / f"{name}.rsvideo.json").read_text())["settings"]["camera"]

@@ -11,11 +11,11 @@ from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.distortion import Distortion
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, centred
-from rsvideo.shooting import known_motion
+from rsvideo.shooting import given_motion
 
 CAMERA = Intrinsics.centred(focal=1000, rows=400, cols=600)
 TIMING = ShutterTiming.from_readout(exposure=0.03, readout=0.02, rows=400)
@@ -123,7 +123,7 @@ def test_a_sidecar_given_as_motion_is_the_motion_it_records(tmp_path: Path) -> N
     path = tmp_path / "out.rsvideo.json"
     path.write_bytes(example().encode())
     t = np.linspace(0, 0.05, 777)
-    difference = np.abs(known_motion.read(path, TIMING, CAMERA).at(t) - CURVE.at(t))
+    difference = np.abs(given_motion.read(path, TIMING, CAMERA).at(t) - CURVE.at(t))
     assert difference[:, :2].max() < 0.02
     assert difference[:, 2].max() * 360 < 0.02
 

@@ -12,7 +12,7 @@ import pytest
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.gyro import angles_from_poses, poses_from_angles, spline_through
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import blur, extent, homographies, margin, render, scaled_to
 from rsvideo.physics.simulate import still as sharp

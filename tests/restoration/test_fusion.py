@@ -6,7 +6,7 @@ import skimage.data
 
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Camera, Intrinsics
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.fusion import PosedImage, fused

@@ -9,7 +9,7 @@ from scipy.ndimage import binary_dilation
 
 from rsvideo.physics import simulate, tiles
 from rsvideo.physics.camera import Camera, Intrinsics
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation

@@ -11,7 +11,7 @@ from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics import simulate, tone
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.distortion import Distortion
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, still

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rsvideo.physics.sensor import Noise
+from rsvideo.physics.noise import Noise
 
 
 def test_the_variance_is_affine_in_the_light() -> None:
