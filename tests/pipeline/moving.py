@@ -20,7 +20,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Noise, Rendering, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline, Trajectory, fit
-from rsvideo.shooting.known_motion import COLUMNS
+from rsvideo.shooting.given_motion import COLUMNS
 from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour, decode
 from rsvideo.video.stream import Colour, Matrix, Picture
