@@ -18,9 +18,14 @@ from rsvideo.shooting.camera_profile import CameraProfile, Clock, Measured, Mode
 from rsvideo.shooting.camera_profile import Lens as LensPart
 
 _BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
-_LINES, _POINTS = 13, 60  # of the grid, and along each of its lines
-_HEIGHTS = (4.0, 1.5, 3.0)  # inches, of the lens, the timing, and the response
-_LINE = 0.3  # inches
+_GRID_LINES, _LINE_POINTS = 13, 60  # of the distorted grid, and along each of its lines
+_WIDTH_IN, _TITLE_IN = 11.7, 1.0
+_HEIGHTS_IN = (4.0, 1.5, 3.0)  # of the lens, the timing, and the response
+_LINE_IN, _LINES = 0.3, 13  # of text: the height, and how many stand beside the lens at least
+_DPI = 130
+_HOW_LETTERS = 76  # of the method, that fit a line
+_DARKEST = 1e-5  # light that is drawn, of a tone curve that begins at 0
+_LIGHT = np.geomspace(1e-4, 1, 200)  # at which noise is drawn
 _MEASURES = {"intrinsics": "lens", "timing": "readout", "tone": "response", "noise": "response"}  # parts, and what measures them
 
 
@@ -28,12 +33,12 @@ def draw(profile: CameraProfile, kind: str) -> bytes:
     """A figure file."""
     with matplotlib.rc_context({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False, "svg.hashsalt": "rsvideo"}):
         lines = _lines(profile)
-        top, timing, response = _HEIGHTS
-        rows = [top if profile.intrinsics else _LINE * len(lines)]
+        top, timing, response = _HEIGHTS_IN
+        rows = [top if profile.intrinsics else _LINE_IN * len(lines)]
         rows += [timing] * bool(profile.timing) + [response] * bool(profile.tone or profile.noise)
-        figure = Figure(figsize=(11.7, 1.0 + sum(rows)), layout=ConstrainedLayoutEngine(w_pad=0.15, h_pad=0.1))
+        figure = Figure(figsize=(_WIDTH_IN, _TITLE_IN + sum(rows)), layout=ConstrainedLayoutEngine(w_pad=0.15, h_pad=0.1))
         grid = figure.add_gridspec(len(rows), 2, height_ratios=rows)
-        _numbers(figure.add_subplot(grid[0, 1] if profile.intrinsics else grid[0, :]), lines, 13 if profile.intrinsics else 1)
+        _numbers(figure.add_subplot(grid[0, 1] if profile.intrinsics else grid[0, :]), lines, _LINES if profile.intrinsics else 1)
         if profile.intrinsics:
             _lens(figure.add_subplot(grid[0, 0]), profile.intrinsics, profile.mode)
         if profile.timing:
@@ -45,12 +50,12 @@ def draw(profile: CameraProfile, kind: str) -> bytes:
         title = f"{profile.camera}: {mode.cols} x {mode.rows}" + (f" at {mode.fps:.5g} fps" if mode.fps else "")
         figure.suptitle(title.replace("$", r"\$"), fontsize=13)
         file = io.BytesIO()
-        figure.savefig(file, format=kind, dpi=130)
+        figure.savefig(file, format=kind, dpi=_DPI)
     return file.getvalue()
 
 
 def bent(lens: LensPart, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-    """Where the pixels of a pinhole camera without distortion are seen."""
+    """Where the lens images the pixels of a pinhole camera without distortion, px."""
     matrix = np.array([[lens.fx.value, 0, lens.cx.value], [0, lens.fy.value, lens.cy.value], [0, 0, 1]])
     if lens.distortion is None:
         return points
@@ -68,41 +73,41 @@ def _missing(panel: Axes, words: str) -> None:
 
 
 def _lens(panel: Axes, lens: LensPart, mode: Mode) -> None:
-    across = np.linspace(0, mode.cols, _LINES)
-    down = np.linspace(0, mode.rows, max(3, round(_LINES * mode.rows / mode.cols)))
-    along_x, along_y = np.linspace(0, mode.cols, _POINTS), np.linspace(0, mode.rows, _POINTS)
-    lines = [np.stack([np.full(_POINTS, x), along_y], axis=1) for x in across] + [
-        np.stack([along_x, np.full(_POINTS, y)], axis=1) for y in down
+    across = np.linspace(0, mode.cols, _GRID_LINES)
+    down = np.linspace(0, mode.rows, max(3, round(_GRID_LINES * mode.rows / mode.cols)))
+    along_x, along_y = np.linspace(0, mode.cols, _LINE_POINTS), np.linspace(0, mode.rows, _LINE_POINTS)
+    lines = [np.stack([np.full(_LINE_POINTS, x), along_y], axis=1) for x in across] + [
+        np.stack([along_x, np.full(_LINE_POINTS, y)], axis=1) for y in down
     ]
     moved = 0.0
     for line in lines:
-        seen = bent(lens, line)
+        imaged = bent(lens, line)
         panel.plot(*line.T, color=_GREY, lw=0.5)
-        panel.plot(*seen.T, color=_BLUE, lw=1.2)
-        moved = max(moved, float(np.linalg.norm(seen - line, axis=1).max()))
+        panel.plot(*imaged.T, color=_BLUE, lw=1.2)
+        moved = max(moved, float(np.linalg.norm(imaged - line, axis=1).max()))
     panel.plot(lens.cx.value, lens.cy.value, "+", color=_VERMILION, ms=14, mew=2)
     panel.set(xlim=(-0.05 * mode.cols, 1.05 * mode.cols), ylim=(1.05 * mode.rows, -0.05 * mode.rows), aspect="equal")
     panel.set_title(f"lens: straight lines (grey) as they are seen (blue), displaced by up to {moved:.3g} px", fontsize=10)
 
 
-def _told(number: Measured, unit: str) -> str:
+def _with_std(number: Measured, unit: str) -> str:
     return f"{number.value:.6g}" + (f" ± {number.std:.2g}" if number.std is not None else "") + f" {unit}"
 
 
 def _lines(profile: CameraProfile) -> list[tuple[str, str]]:
-    """What is known in numbers, how it was found, and how to find the rest."""
+    """The profile in numbers, how they were found, and how to find the rest."""
     lens, clock, lines = profile.intrinsics, profile.timing, []
     if lens:
-        lines += [(name, _told(getattr(lens, name), "px")) for name in ("fx", "fy", "cx", "cy")]
+        lines += [(name, _with_std(getattr(lens, name), "px")) for name in ("fx", "fy", "cx", "cy")]
         if lens.distortion:
             lines.append(("distortion", lens.distortion.model))
             names = ("k1", "k2", "k3", "k4") if lens.distortion.model == "fisheye" else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-            lines += [(name, _told(k, "")) for name, k in zip(names, lens.distortion.coefficients, strict=False)]
+            lines += [(name, _with_std(k, "")) for name, k in zip(names, lens.distortion.coefficients, strict=False)]
     if clock:
-        lines.append(("readout", _told(clock.readout_s.model_copy(update=_in_ms(clock.readout_s)), "ms")))
+        lines.append(("readout", _with_std(clock.readout_s.model_copy(update=_in_ms(clock.readout_s)), "ms")))
     for part, what in ((lens, "lens"), (clock, "timing"), (profile.tone, "tone"), (profile.noise, "noise")):
         if part and part.found and part.found.how:
-            words = textwrap.shorten(part.found.how, 76, placeholder=" ...")
+            words = textwrap.shorten(part.found.how, _HOW_LETTERS, placeholder=" ...")
             lines.append((f"{what} by", f"{words}{f' ({part.found.when})' if part.found.when else ''}"))
     for name in dict.fromkeys(_MEASURES.values()):
         if missing := [part for part, by in _MEASURES.items() if by == name and getattr(profile, part) is None]:
@@ -145,13 +150,13 @@ def _tone(panel: Axes, part: Tone | None) -> None:
         light, name = np.interp(codes, np.linspace(0, 1, len(part.curve)), part.curve), "its own"
     else:
         light, name = tone.decode(Transfer(part.transfer), codes), str(part.transfer)
-    panel.plot(codes, np.maximum(light, 1e-5), color=_BLUE, lw=2, label=name)
-    panel.plot(codes, np.maximum(tone.decode(Transfer.SRGB, codes), 1e-5), color=_GREY, lw=1, ls="--", label="srgb")
+    panel.plot(codes, np.maximum(light, _DARKEST), color=_BLUE, lw=2, label=name)
+    panel.plot(codes, np.maximum(tone.decode(Transfer.SRGB, codes), _DARKEST), color=_GREY, lw=1, ls="--", label="srgb")
     if part.clip:
         panel.axvline(part.clip.value, color=_VERMILION, lw=1, label=f"clipped from {part.clip.value:.4g}")
     panel.set(yscale="log", ylim=(1e-4, 1.2), xlabel="code, as part of the highest", ylabel="light")
-    known = f" ± {part.curve_std:.1%}" if part.curve_std else ""
-    panel.set_title(f"tone{known}", fontsize=10)
+    deviation = f" ± {part.curve_std:.1%}" if part.curve_std else ""
+    panel.set_title(f"tone{deviation}", fontsize=10)
     panel.legend(frameon=False, fontsize=9)
     return None
 
@@ -159,11 +164,11 @@ def _tone(panel: Axes, part: Tone | None) -> None:
 def _noise(panel: Axes, noise: Noise | None) -> None:
     if noise is None:
         return _missing(panel, "no noise")
-    light = np.geomspace(1e-4, 1, 200)
+    light = _LIGHT
     read, shot = noise.read.value, noise.shot.value
     panel.loglog(light, np.maximum(np.sqrt(read**2 + shot * light), 1e-9), color=_BLUE, lw=2, label="both")
-    panel.loglog(light, np.maximum(np.full_like(light, read), 1e-9), color=_GREEN, lw=1, ls=":", label=f"read {_told(noise.read, '')}")
-    panel.loglog(light, np.maximum(np.sqrt(shot * light), 1e-9), color=_VERMILION, lw=1, ls="--", label=f"shot {_told(noise.shot, '')}")
+    panel.loglog(light, np.maximum(np.full_like(light, read), 1e-9), color=_GREEN, lw=1, ls=":", label=f"read {_with_std(noise.read, '')}")
+    panel.loglog(light, np.maximum(np.sqrt(shot * light), 1e-9), color=_VERMILION, lw=1, ls="--", label=f"shot {_with_std(noise.shot, '')}")
     panel.set(xlabel="light", ylabel="standard deviation of light")
     panel.set_title("noise: variance = read² + shot · light", fontsize=10)
     panel.legend(frameon=False, fontsize=9)

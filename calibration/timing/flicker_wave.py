@@ -135,7 +135,7 @@ def _refuse_stray(stray: float) -> None:
 
 
 def _with_enough_bands(wave: Wave) -> Wave:
-    """The wave itself, if it has bands enough to be told without the frames' times."""
+    """The wave itself, if it has bands enough to be recognised without the frames' times."""
     if (bands := wave.nu * wave.runs.parts.shape[-1]) < FEWEST_BANDS:
         raise CannotTellError(
             f"only {bands:.2g} bands are in a frame, and they do not wander with the frames' times, so that a scene may imitate them;"

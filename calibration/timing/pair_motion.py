@@ -1,6 +1,6 @@
 """How rows move from one frame to the next: points that were tracked, summed up robustly as polynomials of the row.
 
-Roll and zoom are fitted beside them, and for all frames together the perspective, so that no lens has to be known.
+Roll and zoom are fitted beside them, and for all frames together the perspective, so that no lens has to be given.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ _RIDGE = 1e-9  # of the normal equations, for what the points do not show
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pair:
-    """Points (x, y) seen in two frames, and when these begin."""
+    """Points (x, y) observed in two frames, and when these begin."""
 
     before: Float[np.ndarray, "points 2"]
     after: Float[np.ndarray, "points 2"]
