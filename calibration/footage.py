@@ -42,9 +42,11 @@ def open_footage(path: Path, rate: Fraction | None) -> Footage:
         photo = still.read(path)
         rows, cols = photo.pixels.shape[:2]
         fps = float(rate) if rate else None
-        return Footage(rows=rows, cols=cols, frames=1, fps=fps, camera=photo.shot.camera, files=(path,), notes=photo.notes, material=photo)
+        return Footage(
+            rows=rows, cols=cols, frames=1, fps=fps, camera=photo.capture.camera, files=(path,), notes=photo.notes, material=photo
+        )
     stream = decode.probe(path, rate)
-    facts = metadata.shot(stream)
+    facts = metadata.read(stream)
     played, taken = 1 / stream.interval_s, float(rate) if rate else facts.frame_rate.value if facts.frame_rate else None
     slow = taken is not None and abs(taken / played - 1) > _SLOW_MOTION
     return Footage(

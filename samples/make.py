@@ -26,7 +26,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import Noise, extent, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline
-from rsvideo.shooting.known_motion import COLUMNS
+from rsvideo.shooting.given_motion import COLUMNS
 from rsvideo.stills import still
 from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour

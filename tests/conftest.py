@@ -4,9 +4,12 @@ import os
 from pathlib import Path
 
 import pytest
-from jaxtyping import install_import_hook
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # compiled loops of two tests at a time, or of a test and its command
+# as the command has it: threads of two tests at a time would spin and starve each other; numpy reads these once, when it is imported
+os.environ |= {name: os.environ.get(name, "1") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+
+from jaxtyping import install_import_hook
 
 # an int is a float here, as PEP 484 has it; compiled kernels carry @no_type_check
 install_import_hook(["rsvideo", "calibration"], "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")

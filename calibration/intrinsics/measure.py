@@ -204,13 +204,13 @@ def _select(
         stream = decode.probe(clips[0])
         found = _searched(views.from_clip(stream, board), min(stream.frames, views.MOST_SEARCHED), observer)
         selection = view_selection.select(found, clip=True, readout=readout)
-        return selection, by_name(clips), round(float(stream.rate), _FPS_DIGITS), metadata.shot(stream).camera
+        return selection, by_name(clips), round(float(stream.rate), _FPS_DIGITS), metadata.read(stream).camera
     files = photographs(sources)
     if not files:
         raise ValueError(f"{sources[0] if sources else 'nothing'} holds no photograph; is it the right folder?")
     selection = view_selection.select(_searched(views.from_photographs(files, board), len(files), observer), clip=False, readout=readout)
     names = by_name(files)
-    return selection, names, None, still.read(names[selection.views[0].name]).shot.camera
+    return selection, names, None, still.read(names[selection.views[0].name]).capture.camera
 
 
 def _searched(found: Iterator[View | Refused], count: int, observer: Observer) -> list[View | Refused]:

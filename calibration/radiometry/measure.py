@@ -125,7 +125,7 @@ def response(files: Path | str | Sequence[Path | str], exposures: Sequence[float
     if exposures is not None and len(exposures) != len(sources):
         raise ValueError(f"--exposures must name one time for each of {len(sources)} photographs, it names {len(exposures)}")
     stills = [still.read(path) for path in sources]
-    times = list(exposures or [one.shot.exposure or 0.0 for one in stills])
+    times = list(exposures or [one.capture.exposure or 0.0 for one in stills])
     if missing := [path.name for path, time in zip(sources, times, strict=True) if not time]:
         raise ValueError(f"{missing[0]} must say its exposure in EXIF, it does not; give all with --exposures 1/1000,1/500,...")
     if exposures is None:
@@ -136,7 +136,7 @@ def response(files: Path | str | Sequence[Path | str], exposures: Sequence[float
     ]
     found = measure(series)
     rows, cols = series[0].samples.shape[:2]
-    return ResponseMeasurement(response=found, rows=rows, cols=cols, files=sources, camera=stills[0].shot.camera)
+    return ResponseMeasurement(response=found, rows=rows, cols=cols, files=sources, camera=stills[0].capture.camera)
 
 
 def _noise_part(noise: NoiseModel | None, found: camera_profile.Found) -> camera_profile.Noise | None:

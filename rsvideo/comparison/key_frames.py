@@ -12,13 +12,13 @@ from rsvideo.config.sidecar import FrameRecord
 from rsvideo.report import metrics
 from rsvideo.report.comparison import Crop, KeyFrame
 
-MOST_KEY_FRAMES = 48  # that are shown: as many thumbnails fit a screen's width in a few rows
+MOST_KEY_FRAMES = 48  # that are shown
 MOST_SIDE = 1920  # px of a picture on the page
-PICTURES_BYTES = 15_000_000  # of a page, before they become text: it opens at once, and can be sent
+PICTURES_BYTES = 15_000_000  # of a page, before they become text
 _BYTES_A_PIXEL = 0.15  # of WebP, roughly
 _BESIDE = 1.4  # as many bytes as the pictures alone take pictures and residuals together
 _OVERSHOOT = 1.2  # of its share, that a frame may take before its quality is lowered: frames after it may take less
-_QUALITIES = (88, 78, 68, 58, 48)  # of WebP, of 100: at the first errors are hardly seen, at the last they are
+_QUALITIES = (88, 78, 68, 58, 48)  # of WebP, of 100, from the best to the worst
 _RESIDUAL_QUALITY, _THUMB_QUALITY = 65, 70
 _RESIDUAL_SIZE = 0.5  # of the pictures' size
 _GAIN = 8  # by which residuals are magnified, as the page says

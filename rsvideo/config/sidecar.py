@@ -35,7 +35,7 @@ _Kind = TypeVar("_Kind", bound=_Record)
 
 
 class Timing(_Record):
-    """When the scanlines of a frame collect light, and who said so."""
+    """When the scanlines of a frame collect light, and where that is from."""
 
     exposure_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     row_time_s: Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -106,7 +106,7 @@ class Camera(_Record):
     cy: Finite
     rows: Annotated[int, Field(gt=0)]
     cols: Annotated[int, Field(gt=0)]
-    source: str  # "explicit", "EXIF", "assumed", or the profile or metadata that said so
+    source: str  # "explicit", "EXIF", "assumed", or the profile or metadata that states it
 
     @classmethod
     def of(cls, intrinsics: Intrinsics, source: str) -> "Camera":
@@ -169,10 +169,10 @@ def frames(path: Path, wanted: Collection[int]) -> dict[int, FrameRecord]:
     lines = _lines(path)
     found: dict[int, FrameRecord] = {}
     while (line := next(lines, None)) != b"]}\n":
-        said = None if line is None else _INDEX.match(line)
-        if line is None or said is None:  # it was written by others
+        begins = None if line is None else _INDEX.match(line)
+        if line is None or begins is None:  # it was written by others
             return {frame.index: frame for frame in read(path).frames if frame.index in wanted}
-        if (index := int(said[1])) in wanted:
+        if (index := int(begins[1])) in wanted:
             found[index] = _understood(FrameRecord, path, line.rstrip(b",\n"))
     return found
 

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 
@@ -45,11 +46,7 @@ class Camera:
 
     timing: ShutterTiming
     intrinsics: Intrinsics  # of the frame as it is stored
-    noise: float | None = None  # standard deviation of a channel in linear light; None where it is to be measured in each frame
-
-    def __post_init__(self) -> None:
-        if self.noise is not None and not 0 <= self.noise < 1:
-            raise ValueError(f"noise must lie in [0, 1) of white, got {self.noise:g}; is it in 8-bit codes?")
+    noise: Noise | None = None  # of the sensor; None where it is to be measured in each frame
 
     def along_scanlines(self) -> "Camera":
         """The same camera, turned with its frames so that the scanlines are read from top to bottom."""

@@ -22,7 +22,7 @@ from rsvideo.pipeline import methods, output
 from rsvideo.pipeline.clip_job import ClipTask
 from rsvideo.progress import Observer
 from rsvideo.restoration.movement import Movement
-from rsvideo.shooting import known_motion as motion_file
+from rsvideo.shooting import given_motion as motion_file
 from rsvideo.video import colour, cuts, decode, planes, vidstab
 from rsvideo.video.stream import Picture
 

@@ -32,7 +32,7 @@ def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = Non
     `camera` names a profile, a profile's file, or a camera of the public table. `rate` is for sequences, which do not know theirs.
     """
     stream = decode.probe(path, rate, on_damage=on_damage)
-    facts = metadata.shot(stream)
+    facts = metadata.read(stream)
     fps = float(stream.rate)
     said, table, notes = _camera(camera, facts, stream.rows, stream.cols, fps)
     focal = Fact(value=said.intrinsics.fx, source=said.profile) if said and said.intrinsics else None

@@ -158,7 +158,7 @@ def prepare(job: ClipJob) -> ClipTask:
     if job.transfer:
         stream = replace(stream, colour=replace(stream.colour, transfer=Transfer(job.transfer)))
     elif clip.profile and clip.profile.tone and not stream.colour.floating:
-        stream = replace(stream, colour=replace(stream.colour, transfer=clip.profile.tone, clip=clip.profile.clip))
+        stream = replace(stream, colour=replace(stream.colour, transfer=clip.profile.tone, saturation=clip.profile.saturation))
     first, last = span(job, stream)
     notes = clip.notes
     if job.method is Method.NONE:

@@ -101,7 +101,7 @@ def _check_output(job: Job) -> None:
 
 
 def _timing(job: Job, photograph: Still, said: profiles.Facts | None) -> tuple[ShutterTiming, str]:
-    exposure = photograph.shot.exposure if job.exposure is None else job.exposure
+    exposure = photograph.capture.exposure if job.exposure is None else job.exposure
     if exposure is None:
         raise ValueError(f"exposure must be given, {job.source} does not say it in EXIF; 1/50, 20ms and 0.02 are times")
     exposure = hand_held("exposure" if job.exposure is not None else "exposure (from EXIF)", exposure, zero=False)
@@ -139,10 +139,10 @@ def _camera(job: Job, photograph: Still, said: profiles.Facts | None) -> tuple[s
                 f"focal-px must be at least {_WIDEST * longer:g} px for a picture whose longer side is {longer} px, got {focal:g};"
                 " is it in millimetres? pixels = millimetres * width of the picture in pixels / width of the sensor in millimetres"
             )
-    elif (exif_focal := photograph.shot.focal_px(rows, cols)) is not None:
+    elif (exif_focal := photograph.capture.focal_px(rows, cols)) is not None:
         focal, source = exif_focal, "EXIF"
         notes = (
-            f"focal length {focal:.0f} px from EXIF's 35 mm equivalent of {photograph.shot.focal_35mm:g} mm, for an uncropped picture",
+            f"focal length {focal:.0f} px from EXIF's 35 mm equivalent of {photograph.capture.focal_35mm:g} mm, for an uncropped picture",
         )
     elif job.method.needs_lens and (job.steering.get("motion") != "shift" or job.trajectory is not None):
         raise ValueError(

@@ -8,7 +8,7 @@ import numpy as np
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.simulate import extent
 from rsvideo.physics.staging import Stage
-from rsvideo.shooting.known_motion import COLUMNS
+from rsvideo.shooting.given_motion import COLUMNS
 
 _STEP = 0.5e-3  # seconds from one sample of the motion to the next
 _FEWEST = 81  # samples

@@ -15,7 +15,7 @@ from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.job import Task
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.restoration.settings import Settings
-from rsvideo.shooting import known_motion
+from rsvideo.shooting import given_motion
 from rsvideo.stills import still
 from rsvideo.stills.still import Format
 
@@ -37,7 +37,7 @@ class Outcome:
 def carry_out(task: Task, observe: Callable[[str, float], None]) -> Outcome:
     """Restore the photograph, with a motion that is given or without, and write it; `observe` is told the stage and the fraction done."""
     job, settings = task.job, Settings(**task.job.steering)
-    trajectory = None if job.trajectory is None else known_motion.read(job.trajectory, task.timing, task.camera.intrinsics)
+    trajectory = None if job.trajectory is None else given_motion.read(job.trajectory, task.timing, task.camera.intrinsics)
     follows = job.method.recorded and trajectory is None
     gyro = gyro_alignment.of_photograph(job.gyro, job.source, task.timing) if follows else None
     asked = Treatment(

@@ -17,16 +17,49 @@ BORDER = 40  # px left out on every side: what a moving camera saw there differs
 Colours = Float[np.ndarray, "rows cols channels"]
 Grey = Float[np.ndarray, "rows cols"]
 
+_TINY = 1e-12  # mean squares below count as this, so that equal pictures are 120 dB apart
+
+# aligning
+_MOST_STEPS = 20  # of Gauss and Newton
+_LEAST_STEP = 0.005  # px
+_ALIGNING_BLUR = 1.5  # px, of the pictures whose phases are correlated
+_FARTHEST = 64  # px; a larger shift is a slip of the correlation
+
+# edges
 _REACH = 10  # px that a profile goes to either side of its edge
 _STEP = 0.5  # px from one sample of a profile to the next
-_EDGES = 400  # strongest edges that are looked at
+_ALONG = 2  # px to either side that a profile is averaged over along its edge
+_EDGES = 400  # strongest edges that are measured
 _CELL = 12  # px: of each cell of the picture, only the strongest edge
-_MOST_STEPS = 20
-_LEAST_STEP = 0.005  # px
+_FAINTEST = 0.01  # of white a pixel; fainter gradients are no edges
+_OVER_MEDIAN = 4  # as strong as the picture's median gradient an edge must be: below, noise may be taken for one
+_LOWEST = 0.04  # of white that an edge must rise by
+
+# ringing
+_SURROUNDINGS = 25  # px that must be flat around a place
+_FLAT_PERCENT, _FLATTEST = 20, 0.03  # the quietest part of the recording, as far as its gradients stay below, in white a pixel
+_FEWEST_PIXELS = 100  # that say something
+_FINE, _COARSE = 1.0, 5.0  # px; what lies between these two Gaussians has wavelengths of about 5 to 30 px
+
+# residuals
 _LAGS = 4  # px up to which residuals are correlated
+_LEAST_VALID = 0.1  # part of a frame whose residual says something
+
+# lines
 _FEWEST_LINES = 3  # that say something
+_MOST_LINES = 40
 _CURVED = 0.02  # of a line's length, that its points lie off: what bends so much is curved in the world
 _SWAY = 5  # px that a line's points may lie off
+_GAP = 6  # px of a line that may be hidden
+_BEYOND = 10  # px by which a segment may stick out of another and still be the same line
+_STRONG_PERCENT = 90  # of the gradients lie below a strong one
+_WHOLE = 0.9  # part of a line's points at which there must be an edge
+_FEWEST_POINTS = 12
+_JUMP, _JUMP_PERCENT = 0.6, 97  # px that an edge's place may change from one pixel to the next, in so many of them
+
+# flicker
+_DETAIL = 3.0  # px; what a Gaussian of this width takes away is detail
+_COUNTED = 0.95  # of the pixels count; the rest differ most because something hides or uncovers them
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,13 +91,13 @@ def aligned(image: Colours, truth: Colours) -> Aligned:
         d = a - b
         return float(np.vdot(d, d)) / d.size, a, d
 
-    soft = [cv2.GaussianBlur(x, (0, 0), 1.5) for x in grey]
+    soft = [cv2.GaussianBlur(x, (0, 0), _ALIGNING_BLUR) for x in grey]
     found, _ = cv2.phaseCorrelate(soft[0], soft[1], cv2.createHanningWindow(soft[0].shape[::-1], cv2.CV_32F))
-    starts = [np.zeros(2), np.array(found)] if max(map(abs, found)) < 64 else [np.zeros(2)]
+    starts = [np.zeros(2), np.array(found)] if max(map(abs, found)) < _FARTHEST else [np.zeros(2)]
     shift = min(starts, key=lambda start: parts(start)[0])
     error, a, d = parts(shift)
     for _ in range(_MOST_STEPS):  # Gauss and Newton's, halved until the error falls
-        G = np.stack([cv2.Sobel(a, cv2.CV_32F, *way, ksize=1, scale=0.5).ravel() for way in ((1, 0), (0, 1))])
+        G = np.stack([cv2.Sobel(a, cv2.CV_32F, *axis, ksize=1, scale=0.5).ravel() for axis in ((1, 0), (0, 1))])
         step = np.linalg.lstsq((G @ G.T).astype(float), (G @ d.ravel()).astype(float))[0]
         while (tried := parts(shift + step))[0] >= error and np.abs(step).max() > _LEAST_STEP:
             step = step / 2
@@ -99,7 +132,7 @@ def _moved(image: np.ndarray, shift: np.ndarray, border: int) -> np.ndarray:
 
 
 def _scale(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.vdot(a, b)) / max(float(np.vdot(a, a)), 1e-12)
+    return float(np.vdot(a, b)) / max(float(np.vdot(a, a)), _TINY)
 
 
 def psnr(image: Colours, truth: Colours) -> float:
@@ -110,7 +143,7 @@ def psnr(image: Colours, truth: Colours) -> float:
 def psnr_of(pair: Aligned) -> float:
     """PSNR in dB of a pair that is aligned; more is better."""
     d = (pair.image - pair.truth).ravel()
-    return float(-10 * np.log10(max(float(np.dot(d, d)) / d.size, 1e-12)))
+    return float(-10 * np.log10(max(float(np.dot(d, d)) / d.size, _TINY)))
 
 
 def ssim_of(pair: Aligned) -> float:
@@ -146,7 +179,7 @@ def edge_width(image: Grey) -> float:
     normal = np.stack([gy[r, c], gx[r, c]]) / strength[r, c]
     tangent = np.stack([-normal[1], normal[0]])
     s = np.arange(-_REACH, _REACH + _STEP / 2, _STEP)
-    along = np.arange(-2, 3)
+    along = np.arange(-_ALONG, _ALONG + 1)
     at = (
         np.stack([r, c])[:, :, None, None]
         + normal[:, :, None, None] * s[None, None, None, :]
@@ -165,7 +198,7 @@ def _strongest(strength: Grey, margin: int) -> tuple[np.ndarray, np.ndarray]:
     cells = inner.reshape(rows, _CELL, cols, _CELL).transpose(0, 2, 1, 3).reshape(rows * cols, -1)
     best = cells.argmax(axis=1)
     peak = cells[np.arange(len(cells)), best]
-    floor = max(0.01, 4 * float(np.median(strength)))  # below, noise may be taken for an edge
+    floor = max(_FAINTEST, _OVER_MEDIAN * float(np.median(strength)))
     chosen = np.argsort(-peak)[:_EDGES]
     chosen = chosen[peak[chosen] > floor]
     return margin + chosen // cols * _CELL + best[chosen] // _CELL, margin + chosen % cols * _CELL + best[chosen] % _CELL
@@ -178,7 +211,7 @@ def _width(p: np.ndarray) -> float:
     left, right = np.flatnonzero(falls[:middle]), np.flatnonzero(falls[middle:])
     a = int(left[-1]) + 1 if len(left) else 0
     b = middle + int(right[0]) if len(right) else len(p) - 1
-    if (height := p[b] - p[a]) < 0.04:
+    if (height := p[b] - p[a]) < _LOWEST:
         return np.nan
     begin, end = np.interp([p[a] + 0.1 * height, p[a] + 0.9 * height], p[a : b + 1], np.arange(a, b + 1) * _STEP)
     return float(end - begin)
@@ -193,13 +226,13 @@ def ringing(image: Grey, recorded: Grey) -> float:
     """
     smooth = cv2.GaussianBlur(recorded.astype(np.float32), (0, 0), 2.0)
     slope = np.hypot(*(cv2.Sobel(smooth, cv2.CV_32F, *d, ksize=3, scale=1 / 8) for d in ((1, 0), (0, 1))))
-    busy = cv2.dilate(slope, np.ones((25, 25), np.uint8), borderType=cv2.BORDER_REFLECT)
+    busy = cv2.dilate(slope, np.ones((_SURROUNDINGS, _SURROUNDINGS), np.uint8), borderType=cv2.BORDER_REFLECT)
     border = min(BORDER, min(image.shape) // 4)
     inside = np.s_[border:-border, border:-border]
-    flat = busy[inside] <= min(float(np.percentile(busy[inside], 20)), 0.03)
-    if flat.sum() < 100:
+    flat = busy[inside] <= min(float(np.percentile(busy[inside], _FLAT_PERCENT)), _FLATTEST)
+    if flat.sum() < _FEWEST_PIXELS:
         return np.nan
-    fine, coarse = (cv2.GaussianBlur(image.astype(np.float32), (0, 0), sigma) for sigma in (1.0, 5.0))
+    fine, coarse = (cv2.GaussianBlur(image.astype(np.float32), (0, 0), sigma) for sigma in (_FINE, _COARSE))
     return float(100 * np.sqrt(np.mean((fine - coarse)[inside][flat] ** 2, dtype=np.float64)))
 
 
@@ -209,7 +242,7 @@ def whiteness(residual: Grey, valid: Bool[np.ndarray, "rows cols"]) -> float:
     A residual that still shows the scene says that motion and picture do not explain the frame (after Almeida and Figueiredo,
     IEEE TIP 2013). What is not `valid` counts as no data.
     """
-    if valid.mean() < 0.1:
+    if valid.mean() < _LEAST_VALID:
         return np.nan
     w = valid.astype(np.float32)
     r = (residual - residual[valid].mean()) * w
@@ -233,19 +266,19 @@ def straightness(image: Grey) -> tuple[float, int]:
     """
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.0)
     gx, gy = (cv2.Sobel(smooth, cv2.CV_32F, *d, ksize=3, scale=1 / 8) for d in ((1, 0), (0, 1)))
-    strong = max(0.01, float(np.percentile(np.hypot(gx, gy), 90)))
+    strong = max(_FAINTEST, float(np.percentile(np.hypot(gx, gy), _STRONG_PERCENT)))
     codes = np.clip(np.rint(255 * smooth), 0, 255).astype(np.uint8)
     drawn = cv2.Canny(codes, 255 * 4 * strong, 255 * 8 * strong, L2gradient=True)
     least = min(image.shape) / 4
     cv2.setRNGSeed(0)
     drawn = cv2.dilate(drawn, np.ones((5, 5), np.uint8))  # so that a line may sway
-    found = cv2.HoughLinesP(drawn, 2, np.pi / 180, int(2 * least), minLineLength=least, maxLineGap=6)
+    found = cv2.HoughLinesP(drawn, 2, np.pi / 180, int(2 * least), minLineLength=least, maxLineGap=_GAP)
     if found is None:
         return np.nan, 0
     segments = sorted(found.reshape(-1, 4).astype(float), key=lambda s: -np.hypot(s[2] - s[0], s[3] - s[1]))
     total, points, taken = 0.0, 0, []
     for segment in segments:
-        if len(taken) == 40 or any(_same(segment, other) for other in taken):
+        if len(taken) == _MOST_LINES or any(_same(segment, other) for other in taken):
             continue
         d = _offsets(gx, gy, segment, strong)
         if d is not None and np.std(d) < _CURVED * np.hypot(*(segment[2:] - segment[:2])):
@@ -261,7 +294,7 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
     u = along / length
     for point in (a[:2], a[2:], 0.5 * (a[:2] + a[2:])):
         d = point - b[:2]
-        if abs(d[0] * u[1] - d[1] * u[0]) > _SWAY + 1 or not -10 < float(d @ u) < length + 10:
+        if abs(d[0] * u[1] - d[1] * u[0]) > _SWAY + 1 or not -_BEYOND < float(d @ u) < length + _BEYOND:
             return False
     return True
 
@@ -283,10 +316,10 @@ def _offsets(gx: Grey, gy: Grey, segment: np.ndarray, strong: float) -> np.ndarr
     near = np.abs(np.arange(len(s))[None] - peak[:, None]) <= 3
     weight = np.where(near, across, 0.0) ** 2
     good = (across.max(axis=1) > 0.5 * strong) & (peak > 0) & (peak < len(s) - 1)
-    if good.mean() < 0.9 or good.sum() < 12:
+    if good.mean() < _WHOLE or good.sum() < _FEWEST_POINTS:
         return None
     place = (weight[good] * s).sum(axis=1) / weight[good].sum(axis=1)
-    if np.percentile(np.abs(np.diff(place)), 97) > 0.6:  # it jumps from one edge to another
+    if np.percentile(np.abs(np.diff(place)), _JUMP_PERCENT) > _JUMP:  # it jumps from one edge to another
         return None
     line = np.polyfit(t[good], place, 1)
     return place - np.polyval(line, t[good])
@@ -306,8 +339,8 @@ def flicker(image: Grey, following: Grey) -> float:
     back = cv2.remap(following.astype(np.float32), x + flow[..., 0], y + flow[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
     border = min(BORDER, min(a.shape) // 4)
     inside = np.s_[border:-border, border:-border]
-    d = np.sort(((back - image)[inside] ** 2).ravel())[: int(0.95 * (rows - 2 * border) * (cols - 2 * border))]
-    fine = (image - cv2.GaussianBlur(image.astype(np.float32), (0, 0), 3.0))[inside]
+    d = np.sort(((back - image)[inside] ** 2).ravel())[: int(_COUNTED * (rows - 2 * border) * (cols - 2 * border))]
+    fine = (image - cv2.GaussianBlur(image.astype(np.float32), (0, 0), _DETAIL))[inside]
     detail = float(np.mean(fine.astype(np.float64) ** 2))
     return float(np.sqrt(d.mean(dtype=np.float64) / detail)) if detail > 1e-9 else np.nan
 

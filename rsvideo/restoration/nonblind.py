@@ -1,12 +1,13 @@
-"""The latent image of a frame whose trajectory is known (Sec. 4.3): exact solves in column tiles.
+"""The latent image of a frame whose trajectory is given (Sec. 4.3): exact solves in column tiles.
 
 Each tile's normal matrix K^H K + rho D^T D is banded per horizontal frequency and factored once per trajectory and rho
-(physics.row_fourier, solvers.banded). What no scanline saw is no data: latent rows above and below the frame are free,
+(physics.row_fourier, solvers.banded). What no scanline samples is no data: latent rows above and below the frame are free,
 and the columns beyond its sides, like clipped pixels, are completed from the model's own K l.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -20,13 +21,20 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.solvers.banded import BandedHermitian
 from rsvideo.solvers.collaborative_filter import denoise, match
 from rsvideo.solvers.differences import Differences
-from rsvideo.solvers.prox import soft_threshold
+from rsvideo.solvers.total_variation import LatentUpdate
+from rsvideo.solvers.total_variation import total_variation as admm
 
-OVERLAP = 24  # columns over which neighbouring tiles are blended
-TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term
+OVERLAP = 24  # columns over which neighbouring tiles are blended; origin: by trial
+TV_STEPS = 50  # of ADMM where total variation is the prior
+TV_FIRST_STEPS = 20  # and where it is what the denoiser starts from
+TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term; origin: by trial
+TV_FLOOR = 1e-5  # added to the normal matrix, which keeps it positive definite where no scanline samples it
 LIFT = 0.01  # the denoiser works on sqrt(l + LIFT): codes weigh shadows as eyes do, and shot noise evens out
-COARSEST = 0.03  # the splitting's first denoising strength, linear light
-SPLITTINGS = 6
+COARSEST = 0.03  # the splitting's first denoising strength, linear light; five steps from 0.03 to 0.006 were good with BM3D
+COARSEST_NOISE = 3.0  # times the noise, which the first strength is at least; origin: by trial
+FINEST_NOISE = 1.25  # times the noise: the last strength; origin: by trial
+SPLITTINGS = 6  # denoisings; origin: by trial
+MATCHED = 2  # splittings that share their matches: which patches look alike changes slowly
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,11 +73,8 @@ def tile_system(
     """The system of a tile whose scanlines sample the latent image at `offsets`, all with the same weight by default."""
     op = row_fourier(offsets, frame.shape[1], weights=weights)
     re, im = op.gram()
-    return with_frame(
-        TileSystem(op=op, normal=BandedHermitian(re=re, im=im, frequencies=op.frequencies), frame=frame, valid=valid, completed=frame),
-        frame,
-        valid,
-    )
+    normal = BandedHermitian(re=re, im=im, frequencies=op.frequencies)
+    return with_frame(TileSystem(op=op, normal=normal, frame=frame, valid=valid, completed=frame), frame, valid)
 
 
 def with_frame(system: TileSystem, frame: Float[np.ndarray, "rows cols"], valid: Float[np.ndarray, "rows cols"]) -> TileSystem:
@@ -82,25 +87,29 @@ def with_frame(system: TileSystem, frame: Float[np.ndarray, "rows cols"], valid:
     return TileSystem(op=op, normal=system.normal, frame=frame, valid=valid, completed=completed)
 
 
-def total_variation(system: TileSystem, mu: float, *, steps: int, rho: float = TV_RHO) -> Float[np.ndarray, "latent_rows period"]:
-    """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by ADMM (Eq. 15-18, Algorithm 2), every l-update exact."""
-    op = system.op
-    factor = system.normal.plus(1, system.roughness(rho, 1e-5), rho).factor()
-    data = system.completed
-    D = Differences(periodic_cols=True)
-    latent = np.zeros((op.latent_rows, op.period), np.float32)
-    j = u = D.forward(latent)
-    for step in range(steps):
-        rhs = op.adjoint(op.spectrum(data))
-        if step:
-            rhs += op.spectrum(np.float32(rho) * D.adjoint(j - u))
-        spectrum = factor.solve(rhs)  # argmin_l L(l, j, u), Eq. (17)
-        latent = op.image(spectrum)
-        data = system.complete(op.image(op.forward(spectrum)))
-        gradient = D.forward(latent)
-        j = soft_threshold(gradient + u, mu / rho)  # argmin_j L(l, j, u)
-        u = u + gradient - j
-    return latent
+def exact_update(system: TileSystem, rho: float) -> LatentUpdate[np.ndarray]:
+    """Step 1 of ADMM, argmin_l |K l - b|^2 / 2 + rho |D l - g|^2 / 2: one factor for all steps."""
+    op, D = system.op, Differences(periodic_cols=True)
+    factor = system.normal.plus(1, system.roughness(rho, TV_FLOOR), rho).factor()
+
+    def update(data: np.ndarray, g: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        spectrum = factor.solve(op.adjoint(op.spectrum(data)) + op.spectrum(np.float32(rho) * D.adjoint(g)))
+        return op.image(spectrum), system.complete(op.image(op.forward(spectrum)))
+
+    return update
+
+
+def total_variation(system: TileSystem, mu: float, *, steps: int) -> Float[np.ndarray, "latent_rows period"]:
+    """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by so many steps of ADMM (Algorithm 2), every l-update exact."""
+    states = admm(
+        system.completed,
+        mu=mu,
+        rho=TV_RHO,
+        gradient=Differences(periodic_cols=True),
+        update=exact_update(system, TV_RHO),
+        start=np.zeros((system.op.latent_rows, system.op.period), np.float32),
+    )
+    return next(islice(states, steps, None)).latent
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,8 +140,8 @@ class TiledFrame:
         out = np.empty_like(image)
         for tile, channels in zip(self.cut, self.systems, strict=True):
             op = channels[0].op
-            seen = op.image(op.forward(op.spectrum(_extended(channels[0], image[:, tile.first : tile.last]))))
-            out[:, tile.start : tile.stop] = seen[:, op.left + tile.start - tile.first : op.left + tile.stop - tile.first]
+            blurred = op.image(op.forward(op.spectrum(_extended(channels[0], image[:, tile.first : tile.last]))))
+            out[:, tile.start : tile.stop] = blurred[:, op.left + tile.start - tile.first : op.left + tile.stop - tile.first]
         return out
 
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
@@ -148,6 +157,7 @@ class TiledFrame:
 
 
 def _extended(system: TileSystem, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows period"]:
+    """The image continued from its borders over all that the tile solves for."""
     op = system.op
     beyond = ((op.top, op.latent_rows - op.top - op.rows), (op.left, op.period - op.left - op.cols))
     return np.pad(image, beyond, mode="edge")
@@ -194,17 +204,19 @@ def deblur(
     in linear light.
     """
     cut, systems = frame.cut, frame.systems
-    latents = [[total_variation(s, mu, steps=20 if prior == "denoiser" else 50) for s in channels] for channels in systems]
+    latents = [
+        [total_variation(s, mu, steps=TV_FIRST_STEPS if prior == "denoiser" else TV_STEPS) for s in channels] for channels in systems
+    ]
     image = _blended(cut, systems, latents)
     yield image
     if prior == "tv":
         return
     pilot = matches = None
-    for step, sigma in enumerate(np.geomspace(max(COARSEST, 3 * noise), 1.25 * noise, SPLITTINGS)):
+    for step, sigma in enumerate(np.geomspace(max(COARSEST, COARSEST_NOISE * noise), FINEST_NOISE * noise, SPLITTINGS)):
         root = np.sqrt(np.maximum(image, 0) + LIFT)
         strength = float(sigma / (2 * np.median(root)))
         pilot = denoise(root, strength) if pilot is None else pilot
-        matches = match(pilot) if step % 2 == 0 else matches  # which patches look alike changes slowly
+        matches = match(pilot) if step % MATCHED == 0 else matches
         pilot = denoise(root, strength, pilot=pilot, matches=matches)
         smooth = (pilot * pilot - LIFT).astype(np.float32)
         ridge = float(noise**2 / sigma**2)

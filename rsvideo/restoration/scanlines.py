@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.luminance import luminance
-from rsvideo.physics.noise import noise_level
+from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Trajectory
 
@@ -44,8 +44,13 @@ class View:
     def noise(self) -> float:
         """Standard deviation of a channel's noise, in linear light: the camera's where it is given, else measured."""
         if self.camera.noise is not None:
-            return max(self.camera.noise, LEAST_NOISE)
-        return max(noise_level(luminance(self.pixels)) * (COLOUR_NOISE if self.pixels.shape[2] == 3 else 1.0), LEAST_NOISE)
+            return max(self.camera.noise.over(self.pixels), LEAST_NOISE)
+        return max(noise_level(luminance(self.pixels)) * self.colour_noise, LEAST_NOISE)
+
+    @property
+    def colour_noise(self) -> float:
+        """A channel's noise over that of the luminance."""
+        return COLOUR_NOISE if self.pixels.shape[2] == 3 else 1.0
 
 
 def to_scanlines(frame: Frame, camera: Camera) -> View:

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.luminance import luminance
-from rsvideo.physics.noise import noise_level
+from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration.scanlines import COLOUR_NOISE, View
+from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Settings
 
 WINDOW_COLS = 800  # with most texture, from which the motion is estimated and on which it is judged
@@ -85,14 +85,13 @@ def scene_of(view: View, settings: Settings) -> Scene:
     white = max(float(np.percentile(grey, WHITE)), DARKEST_WHITE)
     normalised = np.minimum(grey / white, 1).astype(np.float32)
     valid = ~(view.clipped.any(axis=2) | (grey >= white))
-    given = view.camera.noise  # of a channel; that of the luminance is smaller
     return Scene(
         frame=normalised,
         valid=valid.astype(np.float32),
         camera=view.camera,
         samples=min(settings.samples, SAMPLES),
         tiles=int(np.clip(round(grey.shape[1] / TILE_COLS), FEWEST_TILES, MOST_TILES)) if grey.shape[1] >= TILED_COLS else 1,
-        noise=noise_level(normalised) if given is None else given / (COLOUR_NOISE if view.pixels.shape[2] == 3 else 1.0) / white,
+        noise=noise_level(normalised) if view.camera.noise is None else view.noise / view.colour_noise / white,
     )
 
 

@@ -1,4 +1,4 @@
-"""What a camera's profile holds: one mode of one camera, every number with how surely it is known and whence."""
+"""What a camera's profile holds: one mode of one camera, every number with how sure it is and where it is from."""
 
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -33,8 +33,8 @@ class Measured(_Part):
     when: Words | None = None  # the day
     source: Words | None = None  # the file, the person or the address
 
-    def said(self, by: str) -> Fact[float]:
-        """The number as said by a profile, with its source if it has one."""
+    def fact(self, by: str) -> Fact[float]:
+        """The number as a profile states it, with its source if it has one."""
         within = (self.value - 2 * self.std, self.value + 2 * self.std) if self.std is not None else None
         return Fact(value=self.value, source=f"{by} ({self.source})" if self.source else by, within=within)
 
@@ -115,7 +115,7 @@ class Lens(_Part):
     cx: Number
     cy: Number
     distortion: Distortion | None = None
-    rms_px: NotNegative | None = None  # of what was left between the corners seen and the corners computed
+    rms_px: NotNegative | None = None  # of the distances between the corners that were found and those that the lens predicts
     found: Found | None = None
 
 

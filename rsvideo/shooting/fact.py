@@ -1,4 +1,4 @@
-"""A fact, and who said it."""
+"""A fact, and its source."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -12,4 +12,4 @@ class Fact(Generic[T]):
 
     value: T
     source: str
-    within: tuple[float, float] | None = None  # where a number lies, 19 times of 20; None where nobody said
+    within: tuple[float, float] | None = None  # where a number lies, 19 times of 20; None where nobody stated it

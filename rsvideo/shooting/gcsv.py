@@ -26,14 +26,14 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 MOST_BYTES = 256_000_000
 FIRST_LINES = ("GYROFLOW IMU LOG", "CAMERA IMU LOG")
 _MOST_KEYS = 50
-_LONGEST = 80  # characters of a value that is written; Gyroflow looks for the header in the first 500 bytes
+_MOST_CHARACTERS = 80  # of a value that is written; Gyroflow looks for the header in the first 500 bytes
 _TICK = 1e-6  # seconds, in which times are written
 _ORIENTATION = "yxz"
 _DEFAULT_ORIENTATION = "xzY"  # of a log that does not say it
 
 
 class ReadoutCode(enum.IntEnum):
-    """How the format counts the ways a readout runs; other formats count otherwise."""
+    """How the format counts the directions of a readout; other formats count otherwise."""
 
     TOP_TO_BOTTOM = 0
     BOTTOM_TO_TOP = 1
@@ -152,8 +152,8 @@ def read(path: Path) -> Recording:
         raise
     except ValueError as error:
         raise UnreadableError(f"{path}: {error}") from error
-    known = math.isfinite(readout)
-    return Recording(log=log, readout=readout if known else None, direction=direction if known else None, header=header)
+    stated = math.isfinite(readout)
+    return Recording(log=log, readout=readout if stated else None, direction=direction if stated else None, header=header)
 
 
 def _header(path: Path, lines: list[str]) -> tuple[dict[str, str], int]:
@@ -163,7 +163,7 @@ def _header(path: Path, lines: list[str]) -> tuple[dict[str, str], int]:
         key, _, value = (part.strip() for part in line.partition(","))
         if key in ("t", "time"):
             return header, number
-        header[key[:_LONGEST]] = value[:_LONGEST]
+        header[key[:_MOST_CHARACTERS]] = value[:_MOST_CHARACTERS]
     raise UnreadableError(f"{path} must name its columns, t,gx,gy,gz, within {_MOST_KEYS} lines; is it cut short?")
 
 
@@ -199,4 +199,4 @@ def _direction(text: str) -> Direction:
 
 def _plain(text: str) -> str:
     """Text without what would end a field of the header."""
-    return "".join(letter if letter.isprintable() and letter not in ',"' else "_" for letter in text)[:_LONGEST]
+    return "".join(letter if letter.isprintable() and letter not in ',"' else "_" for letter in text)[:_MOST_CHARACTERS]

@@ -6,7 +6,7 @@ from pathlib import Path
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics.gyro import MOST_SAMPLES, GyroLog, parse
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.shooting import gcsv, known_motion
+from rsvideo.shooting import gcsv, given_motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,7 +24,7 @@ def read(path: Path, timing: ShutterTiming) -> Recorded:
     if first.strip() in gcsv.FIRST_LINES:
         return Recorded(log=gcsv.read(path).log, offset=-timing.middle)  # where Gyroflow lets a log begin
     try:
-        if first.split(",")[0].strip() == known_motion.COLUMNS[0]:
+        if first.split(",")[0].strip() == given_motion.COLUMNS[0]:
             return _angles(path)
         return Recorded(log=parse(read_whole(path, most=gcsv.MOST_BYTES).decode("utf-8-sig", "replace")), offset=None)
     except UnreadableError:
@@ -35,7 +35,7 @@ def read(path: Path, timing: ShutterTiming) -> Recorded:
 
 def _angles(path: Path) -> Recorded:
     """Of sampled angles; their time 0 is the clip's."""
-    t, turned = known_motion.angles(path)
+    t, turned = given_motion.angles(path)
     if not 4 <= len(t) <= MOST_SAMPLES:
         raise ValueError(f"angles must be 4 to {MOST_SAMPLES} samples, got {len(t)}")
     return Recorded(log=GyroLog(times=t - t[0], rates=gcsv.rates(t, turned, t)), offset=0.0 - float(t[0]))

@@ -29,7 +29,7 @@ class Facts:
     readout: Fact[float] | None  # seconds
     direction: Fact[Direction] | None
     tone: Tone | None  # a standard's curve, or the one that was measured
-    clip: float | None  # the code in [0, 1] from which on highlights are lost
+    saturation: float | None  # the code in [0, 1] from which on highlights are lost
     noise: Noise | None
 
 
@@ -97,10 +97,10 @@ def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) ->
         profile=name,
         intrinsics=_scaled(lens, rows, cols, rows / mode.rows, scale) if lens else None,
         distortion=lens.distortion if lens else None,
-        readout=_sourced(clock).said(name) if clock else None,
+        readout=_sourced(clock).fact(name) if clock else None,
         direction=Fact(value=clock.direction, source=name) if clock else None,
         tone=response(profile)[0],
-        clip=response(profile)[1],
+        saturation=response(profile)[1],
         noise=profile.noise,
     ), notes
 

@@ -59,11 +59,13 @@ def typical(camera: str, *, rows: int | None = None, cols: int | None = None, fp
     Entries of the same size and rate are taken where there are any, else of the same size, of the same rate, of any mode;
     none that is longer than a frame at `fps`.
     """
-    known = [entry for entry in table() if _same_camera(camera, f"{entry.maker} {entry.model}") and _fits(entry.readout, fps)]
+    entries = [entry for entry in table() if _same_camera(camera, f"{entry.maker} {entry.model}") and _fits(entry.readout, fps)]
     for size, rate in ((True, True), (True, False), (False, True), (False, False)):
         if (size and rows is None) or (rate and fps is None):
             continue
-        found = [entry for entry in known if (not size or (entry.rows, entry.cols) == (rows, cols)) and (not rate or _same(entry.fps, fps))]
+        found = [
+            entry for entry in entries if (not size or (entry.rows, entry.cols) == (rows, cols)) and (not rate or _same(entry.fps, fps))
+        ]
         if found:
             return _readout(found, " at ".join([f"{cols} x {rows}"] * size + [f"{fps or 0:.5g} fps"] * rate) or "any of its modes")
     return None

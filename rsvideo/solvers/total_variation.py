@@ -3,68 +3,64 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from rsvideo.solvers.operator import LinearOperator
 from rsvideo.solvers.prox import soft_threshold
 
+T = TypeVar("T")
+LatentUpdate = Callable[[T, np.ndarray, np.ndarray], tuple[np.ndarray, T]]
+"""(b, g, l) -> (l, b): argmin_l |K l - b|^2 / 2 + rho |D l - g|^2 / 2, perhaps from l on, and the data of the next step."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Split:
-    """One iterate: the image and, with scaled multipliers, the copies that ADMM makes of its gradient and its blur."""
+    """One iterate: the image and the copy that ADMM makes of its gradient."""
 
     latent: np.ndarray  # l
     gradient: np.ndarray  # j, for D l
-    gradient_gap: np.ndarray  # u = lambda / rho
-    seen: np.ndarray  # v, for K l; the observation itself where there are no weights
-    seen_gap: np.ndarray  # its scaled multiplier
-    change: float  # of the image, relative to its norm
+    multiplier: np.ndarray  # u = lambda / rho
+    before: np.ndarray | None = None  # l of the step before
+
+    @property
+    def change(self) -> float:
+        """Of the image in the last step, relative to its norm; infinite at the start."""
+        if self.before is None:
+            return math.inf
+        norm = max(float(np.linalg.norm(self.before)), float(np.linalg.norm(self.latent)))
+        return float(np.linalg.norm(self.latent - self.before)) / norm if norm > 0 else 0.0
 
 
 def total_variation(
-    observed: np.ndarray,
+    observed: T,
     *,
     mu: float,
     rho: float,
-    blur: LinearOperator,
     gradient: LinearOperator,
-    minimise_l: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    update: LatentUpdate[T],
     start: np.ndarray,
-    weights: np.ndarray | None = None,
-    sigma: float | None = None,
-    prior: np.ndarray | float = 1.0,
+    weights: np.ndarray | float = 1.0,
 ) -> Iterator[Split]:
-    """Iterates towards argmin_l |K l - b|_W^2 / (2 mu) + |P D l|_1, where P, `prior`, may spare single differences.
+    """Iterates towards argmin_l |K l - b|^2 / 2 + mu |P D l|_1, where P, `weights`, may spare single differences.
 
-    `minimise_l(v, g, l)` answers argmin_l s |K l - v|^2 / 2 + rho |D l - g|^2 / 2, perhaps starting from l. Without weights v = b and
-    s = 1 / mu, as in the paper. With weights (0 for a missing or clipped pixel) the blur is split off too, so that the system to solve
-    stays free of them: v is subject to K l = v, and s is the penalty `sigma`.
+    `update` makes step 1 and hands back what the next one takes for b. Where b lacks pixels, that can be b completed from K l: the sum
+    over all pixels then bounds the sum over those that were observed from above and touches it at the last l, so that both have the
+    same least. Or the blur can be split off too, and b be the copy of K l and its multiplier. rho steers the speed alone.
     """
     L, b = start, observed
     j = gradient.forward(L)
     u = np.zeros_like(j)
-    sigma = 1 / mu if sigma is None else sigma
-
-    def minimise_v(KL: np.ndarray) -> np.ndarray:
-        return b if weights is None else (weights * b / mu + sigma * KL) / (weights / mu + sigma)
-
-    v = b if weights is None else minimise_v(blur.forward(L))
-    y = np.zeros_like(v)
-    yield Split(latent=L, gradient=j, gradient_gap=u, seen=v, seen_gap=y, change=math.inf)
+    threshold = mu / rho * weights
+    yield Split(latent=L, gradient=j, multiplier=u)
     while True:
         before = L
-        L = minimise_l(v - y, j - u, before)  # Algorithm 2, step 1
+        L, b = update(b, j - u, before)  # Algorithm 2, step 1: argmin_l L(l, j, u), Eq. (17)
         DL = gradient.forward(L)
-        j = soft_threshold(DL + u, prior / rho)  # step 2
+        j = soft_threshold(DL + u, threshold)  # step 2: argmin_j L(l, j, u)
         u = u + DL - j  # step 3, lambda = rho u
-        if weights is not None:
-            KL = blur.forward(L)
-            v = minimise_v(KL + y)
-            y = y + KL - v
-        norm = max(float(np.linalg.norm(before)), float(np.linalg.norm(L)))
-        change = float(np.linalg.norm(L - before)) / norm if norm > 0 else 0.0
-        yield Split(latent=L, gradient=j, gradient_gap=u, seen=v, seen_gap=y, change=change)
+        yield Split(latent=L, gradient=j, multiplier=u, before=before)
 
 
 def objective(

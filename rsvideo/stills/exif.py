@@ -14,7 +14,7 @@ FULL_FRAME_DIAGONAL = 43.266615  # mm, of 36 x 24
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shot:
+class Capture:
     """How a picture was taken; None where the camera did not say, or wrote 0."""
 
     exposure: float | None = None  # seconds
@@ -27,17 +27,17 @@ class Shot:
         return self.focal_35mm * (rows**2 + cols**2) ** 0.5 / FULL_FRAME_DIAGONAL if self.focal_35mm else None
 
 
-def shot(data: bytes | None) -> Shot:
+def capture(data: bytes | None) -> Capture:
     """What an EXIF record, or a whole file that holds one, says; nothing if it is damaged."""
     import exifread
 
     if not data:
-        return Shot()
+        return Capture()
     try:
         tags = exifread.process_file(io.BytesIO(data), details=False)
     except Exception:  # exifread raises whatever the damage leads it to
-        return Shot()
-    return Shot(
+        return Capture()
+    return Capture(
         exposure=_number(tags.get("EXIF ExposureTime")),
         focal_mm=_number(tags.get("EXIF FocalLength")),
         focal_35mm=_number(tags.get("EXIF FocalLengthIn35mmFilm")),

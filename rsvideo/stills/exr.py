@@ -29,12 +29,12 @@ def decode(data: bytes) -> tuple[np.ndarray, ...]:
     context.thread_count = 1
     context.options = {"err_detect": "explode", "max_pixels": str(MOST_PIXELS)}
     try:
-        with watched() as said:
+        with watched() as errors:
             frames = [*context.decode(av.Packet(data)), *context.decode(None)]
     except av.error.FFmpegError as error:
         raise ValueError(f"is damaged: {(error.strerror or '').lower()}") from error
-    if said or not frames:
-        raise ValueError(f"is damaged: {said[0] if said else 'it holds no picture'}")
+    if errors or not frames:
+        raise ValueError(f"is damaged: {errors[0] if errors else 'it holds no picture'}")
     name = frames[0].format.name
     if not name.startswith(("gbr", "gray")) or "f" not in name:
         raise ValueError(f"must hold floating-point colour or grey, it holds {name}")

@@ -1,4 +1,4 @@
-"""What FFmpeg says while it works, and planes of its frames as arrays."""
+"""The errors that FFmpeg reports while it works, and planes of its frames as arrays."""
 
 import contextlib
 from collections.abc import Iterator, Sequence
@@ -10,17 +10,17 @@ from av.video.frame import VideoFrame
 
 @contextlib.contextmanager
 def watched() -> Iterator[list[str]]:
-    """The errors that FFmpeg tells meanwhile, and what it conceals, one line each; complete at the end."""
+    """The errors that FFmpeg reports meanwhile, and what it conceals, one line each; complete at the end."""
     before, repeated = av.logging.get_level(), av.logging.get_skip_repeated()
     av.logging.set_level(av.logging.INFO)
     av.logging.set_skip_repeated(False)
-    said: list[str] = []
+    errors: list[str] = []
     try:
         with av.logging.Capture() as log:
             try:
-                yield said
+                yield errors
             finally:
-                said.extend(line.strip() for level, _, line in log if level <= av.logging.ERROR or line.startswith("concealing"))
+                errors.extend(line.strip() for level, _, line in log if level <= av.logging.ERROR or line.startswith("concealing"))
     finally:
         av.logging.set_level(before)
         av.logging.set_skip_repeated(repeated)

@@ -15,7 +15,7 @@ from rsvideo.physics.tone import Tone, Transfer
 from rsvideo.stills import exif
 from rsvideo.stills.codes import MOST_BYTES, Codes
 
-_TOP = 254 / 255  # codes from here on count as clipped: JPEG's rounding moves a full code by one
+_SATURATION = 254 / 255  # codes from here on count as clipped: JPEG's rounding moves a full code by one
 
 
 class Format(enum.Enum):
@@ -65,13 +65,13 @@ _RAW = set(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Still:
-    """A photograph in sensor order, with all that its file said besides."""
+    """A photograph in sensor order, with all else that its file states."""
 
     pixels: Float32[np.ndarray, "rows cols channels"]  # linear light in [0, 1]; 1 channel (grey) or 3
     clipped: Bool[np.ndarray, "rows cols channels"]  # codes at the sensor's or the file's upper limit
     codes: Codes  # as stored: depth, alpha, colour profile, EXIF
     transfer: Tone  # of the codes that are written back
-    shot: exif.Shot
+    capture: exif.Capture  # how it was taken
     format: Format
     source: bytes  # the file itself
 
@@ -81,10 +81,10 @@ class Still:
         return self.codes.notes
 
 
-def read(path: Path, transfer: Tone | None = None, clip: float | None = None) -> Still:
+def read(path: Path, transfer: Tone | None = None, saturation: float | None = None) -> Still:
     """The photograph in a file. `transfer` is sRGB unless given; raw is linear as read and takes `transfer` when written.
 
-    Codes in [0, 1] from `clip` on count as clipped.
+    Codes in [0, 1] from `saturation` on count as clipped.
     """
     data = read_whole(path, most=MOST_BYTES)
     kind = _format(path, data)
@@ -94,13 +94,13 @@ def read(path: Path, transfer: Tone | None = None, clip: float | None = None) ->
         raise UnreadableError(f"{path} {error}") from error
     top = int(np.iinfo(codes.samples.dtype).max)
     light = tone.decode(Transfer.LINEAR if kind is Format.RAW else transfer or Transfer.SRGB, np.linspace(0, 1, top + 1, dtype=np.float32))
-    clipped = codes.samples >= np.ceil(min(_TOP, clip or 1.0) * top)
+    clipped = codes.samples >= np.ceil(min(_SATURATION, saturation or 1.0) * top)
     return Still(
         pixels=light[codes.samples],
         clipped=clipped if codes.clipped is None else clipped | codes.clipped[..., None],
         codes=codes,
         transfer=transfer or Transfer.SRGB,
-        shot=exif.shot(data if kind is Format.RAW else codes.exif),
+        capture=exif.capture(data if kind is Format.RAW else codes.exif),
         format=kind,
         source=data,
     )

@@ -193,7 +193,7 @@ def _clipped(primed: np.ndarray, colour: Colour) -> np.ndarray:
     step = 1 / 255 if colour.full_range else 1 / 219
     if colour.depth > 8:
         step /= 2
-    full = primed >= (_highest(colour) - _BELOW * step if colour.clip is None else colour.clip)
+    full = primed >= (_highest(colour) - _BELOW * step if colour.saturation is None else colour.saturation)
     if colour.full_range or colour.transfer.logarithmic:
         return full
     return full | ((primed >= 1 - _BELOW * step) & (primed <= 1 + _ABOVE * step))

@@ -1,4 +1,4 @@
-"""Whether the container of a clip is whole: its parts end where they say, its checksums hold, its header tells no tales.
+"""Whether a clip's container is whole: its parts end where they say, its checksums hold, and all that its header promises is there.
 
 FFmpeg reads what it can and is silent about the rest.
 """

@@ -39,7 +39,7 @@ def probe(path: Path, rate: Fraction | None = None, *, on_damage: OnDamage = "fa
         with _opened(path, family) as file:
             return probing.probed(path, family, file, strict=strict)
     except av.error.FFmpegError as error:
-        raise UnreadableError(f"{path} cannot be read: {_said(error)}; is it damaged or cut short?") from error
+        raise UnreadableError(f"{path} cannot be read: {_reason(error)}; is it damaged or cut short?") from error
     except (ValueError, OverflowError) as error:
         raise error if isinstance(error, UnreadableError) else UnreadableError(f"{path} {error}") from error
 
@@ -59,14 +59,14 @@ def pictures(stream: Stream, first: int = 0, last: int | None = None, *, on_dama
     try:
         yield from _strict(stream, first, last) if on_damage == "fail" else _lenient(stream, first, last, on_damage)
     except av.error.FFmpegError as error:
-        raise UnreadableError(f"{stream.path} cannot be read: {_said(error)}") from error
+        raise UnreadableError(f"{stream.path} cannot be read: {_reason(error)}") from error
 
 
 def _opened(path: Path, family: str) -> InputContainer:
     return av.open(str(path), "r", format=family, metadata_errors="replace")
 
 
-def _said(error: av.error.FFmpegError) -> str:
+def _reason(error: av.error.FFmpegError) -> str:
     """What FFmpeg says of an error, without the path that it adds."""
     return (error.strerror or type(error).__name__).lower()
 
@@ -138,8 +138,8 @@ def _decoded(stream: Stream, start: int | None, last: int) -> Iterator[tuple[int
                 try:
                     frames = packet.decode()
                 except av.error.FFmpegError as error:
-                    said = log[0] if log else _said(error)
-                    raise _Broken(f"picture {near} cannot be decoded ({said})") from error
+                    reason = log[0] if log else _reason(error)
+                    raise _Broken(f"picture {near} cannot be decoded ({reason})") from error
             if log:
                 raise _Broken(f"picture {near} is not intact ({log[0]})")
             for frame in frames:
@@ -158,7 +158,7 @@ def _ready(file: InputContainer, stream: Stream, options: dict[str, str]) -> Vid
         if other.index != video.index:
             other.discard = av.stream.Discard.all
     context = video.codec_context
-    context.thread_count = 1  # what is said of a packet is then said while it is decoded
+    context.thread_count = 1  # what is reported of a packet is then reported while it is decoded
     context.options = options | {"max_pixels": str(MOST_PIXELS)}
     return video
 

@@ -11,8 +11,8 @@ from rsvideo.video.telemetry import UnavailableError
 
 def embedded(path: Path) -> GyroLog:
     """In the camera's axes as far as the reader knows them, from the log's first sample on; UnavailableError if there is none."""
-    told = np.frombuffer(telemetry.told(path, "gyroscope", 32 * MOST_SAMPLES))
-    table = told.reshape(-1, 4)  # ms; degrees/s about Gyroflow's axes
+    numbers = np.frombuffer(telemetry.answer(path, "gyroscope", 32 * MOST_SAMPLES))
+    table = numbers.reshape(-1, 4)  # ms; degrees/s about Gyroflow's axes
     if len(table) < 2:
         raise UnavailableError(f"{path} must have a gyroscope's log embedded, none is there that telemetry-parser understands")
     x, y, z = np.deg2rad(table[:, 1:]).T

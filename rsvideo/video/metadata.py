@@ -1,4 +1,4 @@
-"""What a clip says of how it was shot: in its container's tags, in what its maker embedded, in the EXIF of a sequence's first file."""
+"""What a clip states of how it was shot: in its container's tags, in what its maker embedded, in the EXIF of a sequence's first file."""
 
 import math
 import re
@@ -13,8 +13,8 @@ from rsvideo.stills import exif
 from rsvideo.stills.codes import MOST_BYTES
 from rsvideo.video import telemetry
 from rsvideo.video.stream import Stream
+from rsvideo.video.telemetry import MOST_CHARACTERS
 
-_LONGEST = 80  # characters of a tag that are kept
 _STEADY = 0.1  # by which an exposure may vary over a clip without a word
 _CLOCK = re.compile(r"time ?code|tmcd|tcd", re.IGNORECASE)  # names of tracks that hold time codes alone
 _TAGS = {  # the last parts of tags' names, without case, blanks and underscores, best first
@@ -46,16 +46,16 @@ class ClipFacts:
     @property
     def camera(self) -> str | None:
         """Maker and model, as tables are searched."""
-        words = [said.value for said in (self.make, self.model) if said is not None]
+        words = [fact.value for fact in (self.make, self.model) if fact is not None]
         return " ".join(words) if self.model is not None else None
 
     def focal_px(self, rows: int, cols: int) -> float | None:
         """The focal length in pixels of an uncropped picture."""
-        return exif.Shot(focal_35mm=self.focal_35mm.value).focal_px(rows, cols) if self.focal_35mm else None
+        return exif.Capture(focal_35mm=self.focal_35mm.value).focal_px(rows, cols) if self.focal_35mm else None
 
 
-def shot(stream: Stream) -> ClipFacts:
-    """What a clip that was probed says; of a maker's data first, then of tags. Nothing raises: what is damaged says nothing."""
+def read(stream: Stream) -> ClipFacts:
+    """What a clip that was probed states; by a maker's data first, then by tags. Nothing raises: what is damaged states nothing."""
     if stream.files:
         return _of_sequence(stream.files[0])
     tags = _of_tags({**stream.metadata, **stream.tags}, float(stream.rate))
@@ -79,7 +79,7 @@ def shot(stream: Stream) -> ClipFacts:
 
 def _of_sequence(path: Path) -> ClipFacts:
     try:
-        found = exif.shot(read_whole(path, most=MOST_BYTES))
+        found = exif.capture(read_whole(path, most=MOST_BYTES))
     except UnreadableError as error:
         return ClipFacts(notes=(str(error),))
     source = f"EXIF of {path.name}"
@@ -110,15 +110,15 @@ def _words(tags: Mapping[str, str], fact: str) -> Iterator[Fact[str]]:
     for name in _TAGS[fact]:
         for key, value in tags.items():
             parts = re.sub(r"-[a-z]{3}$|[ _]", "", key.lower()).split(".")
-            text = value.strip()[:_LONGEST]
+            text = value.strip()[:MOST_CHARACTERS]
             if any("".join(parts[start:]) == name for start in range(len(parts))) and text and text.isprintable():
-                yield Fact(value=text, source=f"the clip's tag {key[:_LONGEST]}")
+                yield Fact(value=text, source=f"the clip's tag {key[:MOST_CHARACTERS]}")
 
 
 def _numbers(tags: Mapping[str, str], fact: str, number: Callable[[str], float]) -> Iterator[Fact[float]]:
-    for said in _words(tags, fact):
-        if 0 < (value := number(said.value)) < math.inf:
-            yield Fact(value=value, source=said.source)
+    for text in _words(tags, fact):
+        if 0 < (value := number(text.value)) < math.inf:
+            yield Fact(value=value, source=text.source)
 
 
 def _time(text: str) -> float:

@@ -20,6 +20,7 @@ from rsvideo.video import container, tags
 from rsvideo.video.stream import Stream, Track
 
 MOST_FRAMES = 20_000_000  # 92 hours at 60 a second
+_SLACK, _SLACK_OF_FILE = 0.1, 0.5  # seconds by which a header may promise more than is there: of a track, and of all tracks together
 _CARRIED = {"gpmd"}  # data that writers of MP4 know: GoPro's sensors
 
 
@@ -43,7 +44,7 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
             kinds = container.header(path).kinds
     matrix = tags.display_matrix(shown)
     own, metadata = dict(video.metadata), dict(file.metadata)
-    told = {key.lower(): value for key, value in (metadata | own).items()}  # Matroska's are in capitals
+    by_name = {key.lower(): value for key, value in (metadata | own).items()}  # Matroska's are in capitals
     assert video.time_base is not None  # every stream of these containers has one
     return Stream(
         path=path,
@@ -63,8 +64,8 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
         tracks=tuple(_track(stream, kinds.get(stream.id, "")) for stream in file.streams if stream.index != video.index),
         metadata=metadata,
         tags=own,
-        timecode=told.get("timecode"),
-        created=metadata.get("creation_time") or told.get("creation_time"),
+        timecode=by_name.get("timecode"),
+        created=metadata.get("creation_time") or by_name.get("creation_time"),
         mastering=tags.mastering(shown),
         notes=notes,
     )
@@ -108,10 +109,10 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
 def _intact(path: Path, packets: Iterator[av.Packet]) -> Iterator[av.Packet]:
     """Packets, as long as the container that they come from is whole."""
     while True:
-        with watched() as said:
+        with watched() as errors:
             packet = next(packets, None)
-        if said:
-            raise UnreadableError(f"{path} is damaged: {said[0]}")
+        if errors:
+            raise UnreadableError(f"{path} is damaged: {errors[0]}")
         if packet is None:
             return
         yield packet
@@ -125,17 +126,17 @@ def _check_lengths(path: Path, family: str, video: VideoStream, file: InputConta
             raise UnreadableError(f"{path} is cut short: its index promises {promised - discarded} pictures, {len(times)} are there")
     base = float(video.time_base or 1)
     held = (end - int(times[0])) * base
-    slack = max(0.1, 2 * float(np.diff(times).max(initial=0)) * base)
+    slack = max(_SLACK, 2 * float(np.diff(times).max(initial=0)) * base)
     others = [float(s.duration * s.time_base) for s in file.streams if s.duration and s.time_base and s.index != video.index]
     longest = max(end * base, held, *others, *_ends(file, family, others))
     if family == "mov":
-        said = container.header(path)
-        timed = said.timed_s.get(video.id, 0.0)
-        promises = [(said.media_s.get(video.id, 0.0), max(timed, end * base, held) + slack)]
-        if not said.fragmented:
-            promises.append((said.shown_s, max([longest, *said.timed_s.values()]) + max(0.5, slack)))
+        header = container.header(path)
+        timed = header.timed_s.get(video.id, 0.0)
+        promises = [(header.media_s.get(video.id, 0.0), max(timed, end * base, held) + slack)]
+        if not header.fragmented:
+            promises.append((header.shown_s, max([longest, *header.timed_s.values()]) + max(_SLACK_OF_FILE, slack)))
     else:
-        promises = [((file.duration or 0) / 1e6, longest + max(0.5, slack))]
+        promises = [((file.duration or 0) / 1e6, longest + max(_SLACK_OF_FILE, slack))]
     for promised, there in promises:
         if promised > there:
             raise UnreadableError(f"{path} is cut short: its header promises {promised:.2f} s, {max(held, longest):.2f} s are there")

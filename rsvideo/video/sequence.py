@@ -164,7 +164,7 @@ def _read(file: Path, balance: list[float] | None) -> tuple[tuple[np.ndarray, ..
                 notes = codes.notes + (("its transparency is not carried over",) if codes.alpha is not None else ())
                 return tuple(np.ascontiguousarray(codes.samples[..., k]) for k in range(codes.samples.shape[2])), notes
     except (ValueError, rawpy.LibRawError) as error:  # pyright: ignore[reportAttributeAccessIssue]
-        raise UnreadableError(f"{file} {error if isinstance(error, ValueError) else f'is damaged: {_said(error)}'}") from error
+        raise UnreadableError(f"{file} {error if isinstance(error, ValueError) else f'is damaged: {_reason(error)}'}") from error
 
 
 def _developed(data: bytes, balance: list[float] | None) -> tuple[np.ndarray, ...]:
@@ -187,7 +187,7 @@ def _balance(file: Path) -> list[float]:
         with rawpy.imread(io.BytesIO(read_whole(file, most=MOST_BYTES))) as raw:
             return _balance_of(raw)
     except rawpy.LibRawError as error:  # pyright: ignore[reportAttributeAccessIssue]
-        raise UnreadableError(f"{file} is damaged: {_said(error)}") from error
+        raise UnreadableError(f"{file} is damaged: {_reason(error)}") from error
 
 
 def _balance_of(raw: rawpy.RawPy) -> list[float]:
@@ -203,7 +203,7 @@ def _of_raw(file: Path) -> tuple[int, Fraction | None]:
         with rawpy.imread(io.BytesIO(data)) as raw:
             rotation = _ROTATION.get(raw.sizes.flip, 0)
     except rawpy.LibRawError as error:  # pyright: ignore[reportAttributeAccessIssue]
-        raise UnreadableError(f"{file} is damaged, or a raw format that LibRaw does not read: {_said(error)}") from error
+        raise UnreadableError(f"{file} is damaged, or a raw format that LibRaw does not read: {_reason(error)}") from error
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as pages:
             number, divisor = pages.pages[0].tags.valueof(_FRAME_RATE)  # pyright: ignore[reportAttributeAccessIssue]
@@ -212,7 +212,7 @@ def _of_raw(file: Path) -> tuple[int, Fraction | None]:
         return rotation, None
 
 
-def _said(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     return error.args[0].decode() if error.args and isinstance(error.args[0], bytes) else str(error)
 
 

@@ -38,13 +38,8 @@ class Colour:
     pixel_format: str  # FFmpeg's name of the planes
     chroma_shift: tuple[int, int] = (0, 0)  # log2 of luma rows and columns per chroma sample
     assumed: frozenset[str] = frozenset()  # of "matrix", "transfer", "primaries", "full_range"
-    h273: tuple[int, int, int, int] = (
-        2,
-        2,
-        2,
-        0,
-    )  # primaries, transfer, matrix, and FFmpeg's range as the stream has them; 2 and 0: unsaid
-    clip: float | None = None  # R'G'B' from which on the camera was full, where that is known; 1 is nominal white
+    h273: tuple[int, int, int, int] = (2, 2, 2, 0)  # primaries, transfer, matrix, and FFmpeg's range as stored; 2 and 0: not stated
+    saturation: float | None = None  # R'G'B' from which on the camera was full, where that is known; 1 is nominal white
 
     @property
     def note(self) -> str:
@@ -55,8 +50,8 @@ class Colour:
             "primaries": self.primaries,
             "full_range": "full range" if self.full_range else "limited range",
         }
-        said = [f"{value} ({'assumed' if name in self.assumed else 'tagged'})" for name, value in facts.items()]
-        return f"{self.depth} bit {self.subsampling}, " + ", ".join(said)
+        words = [f"{value} ({'assumed' if name in self.assumed else 'tagged'})" for name, value in facts.items()]
+        return f"{self.depth} bit {self.subsampling}, " + ", ".join(words)
 
     @property
     def floating(self) -> bool:

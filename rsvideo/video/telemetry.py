@@ -19,7 +19,7 @@ from typing import Any
 SECONDS = 30  # of the processor's time and of the clock
 MEMORY = 4 << 30  # bytes
 _MOST_BYTES = 64_000  # of the answer
-_LONGEST = 80  # characters of a name
+MOST_CHARACTERS = 80  # of a name that a file states
 _READOUT, _STABILISED = "0x53524f54", "0x45495341"  # GPMF's SROT in ms, and EISA
 
 
@@ -46,31 +46,31 @@ def available() -> bool:
 
 def read(path: Path) -> Telemetry:
     """What a clip's maker embedded; nothing where none of it is understood."""
-    text = told(path, "facts", _MOST_BYTES)
+    text = answer(path, "facts", _MOST_BYTES)
     with contextlib.suppress(ValueError):
         if isinstance(found := json.loads(text), dict):
             return _checked(found)
     return Telemetry()
 
 
-def told(path: Path, what: str, most: int) -> bytes:
-    """What another process says of a clip, `facts` or the `gyroscope`'s log, in at most so many bytes; nothing if it fails."""
+def answer(path: Path, what: str, most: int) -> bytes:
+    """What another process reads from a clip, `facts` or the `gyroscope`'s log, in at most so many bytes; nothing if it fails."""
     if not available():
         raise UnavailableError("telemetry-parser is not installed; pip install 'rsvideo[gyro]' brings it")
-    with tempfile.TemporaryFile() as answer:
+    with tempfile.TemporaryFile() as out:
         try:
             done = subprocess.run(
                 [sys.executable, "-P", "-m", __name__, what, str(most), str(path.absolute())],
                 stdin=subprocess.DEVNULL,
-                stdout=answer,
+                stdout=out,
                 stderr=subprocess.DEVNULL,
                 timeout=SECONDS,
                 check=False,
             )
         except subprocess.TimeoutExpired as error:
             raise UnavailableError(f"reading it took more than {SECONDS} s") from error
-        answer.seek(0)
-        return b"" if done.returncode else answer.read(most)
+        out.seek(0)
+        return b"" if done.returncode else out.read(most)
 
 
 def _checked(found: Mapping[str, Any]) -> Telemetry:
@@ -94,7 +94,7 @@ def _positive(value: object) -> float | None:
 
 
 def _word(value: object) -> str | None:
-    text = value.strip()[:_LONGEST] if isinstance(value, str) else ""
+    text = value.strip()[:MOST_CHARACTERS] if isinstance(value, str) else ""
     return text if text.isprintable() and text else None
 
 
@@ -144,7 +144,7 @@ def _limit(most: int) -> None:
 
 def _answer(what: str, most: str, path: str) -> None:
     """The other process: read, and write what was found on standard output."""
-    answer = os.dup(1)
+    standard_output = os.dup(1)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)  # the parser's own remarks
     _limit(int(most))
@@ -158,7 +158,7 @@ def _answer(what: str, most: str, path: str) -> None:
             found = _turning(clip.normalized_imu())
         else:
             found = json.dumps({"make": clip.camera, "model": clip.model, **_gathered(clip.telemetry())}).encode()
-    with os.fdopen(answer, "wb") as out:
+    with os.fdopen(standard_output, "wb") as out:
         out.write(found)
 
 

@@ -53,15 +53,15 @@ def stabilised(path: Path, out: Path, folder: Path, *, timeout: float = SECONDS,
 
 
 def _run(words: Sequence[str], path: Path, folder: Path, timeout: float) -> None:
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as log:
         try:
             done = subprocess.run(
-                words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, timeout=timeout, check=False
+                words, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=log, timeout=timeout, check=False
             )
         except subprocess.TimeoutExpired as error:
             raise UnreadableError(f"{path}: vid.stab took more than {timeout:g} s") from error
-        said.seek(max(0, said.seek(0, 2) - _MOST_BYTES))
-        lines = said.read().decode("utf-8", "replace").strip().splitlines()
+        log.seek(max(0, log.seek(0, 2) - _MOST_BYTES))
+        lines = log.read().decode("utf-8", "replace").strip().splitlines()
     if done.returncode:
         words = "".join(letter for letter in (lines[-1] if lines else "") if letter.isprintable())
         raise UnreadableError(f"{path} could not be stabilised by vid.stab: {words or f'it ended with {done.returncode}'}")

@@ -1,10 +1,11 @@
 """Restore every clip of a folder of cases with the installed command and print what was gained, and how steady it is.
 
-    python tests/benchmarks/clips.py CASES -o RESULTS [--known] [--alone] [--cold]
+    python tests/benchmarks/clips.py CASES -o RESULTS [--known] [--alone] [--cold] [--json FILE]
 
 CASES holds a folder a case: clip.mp4, truth.mp4, motion.csv, case.json. With --known the motion of motion.csv is given and each
 frame restored by itself: the bound of what its own blur has left. With --alone frames are restored along the clip's path without
-their neighbours' help; with --cold every frame is restored blindly, as a still. RESULTS gets NAME.mp4, its sidecar and its log.
+their neighbours' help; with --cold every frame is restored blindly, as a still. RESULTS gets NAME.mp4, its sidecar and its
+log; FILE the figures, for tests/benchmarks/moved.py.
 """
 
 import argparse
@@ -16,10 +17,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import published
 
 from rsvideo.physics.camera import Intrinsics, turned
 from rsvideo.report.metrics import BORDER, path_error, psnr
 from rsvideo.video.decode import pictures, probe
+
+COLUMNS = ("blurred_db", "restored_db", "gain_db", "least_gain_db", "path_error_px", "seconds")  # as docs/results.json has them
 
 
 def luma(path: Path) -> list[np.ndarray]:
@@ -46,8 +50,10 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     for flag in ("--known", "--alone", "--cold"):
         parser.add_argument(flag, action="store_true")
+    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
+    rows, steadiness, gains = [], [], []
     columns = ("blurred dB", "restored dB", "gain dB", "least gain of a frame dB", "path error px", "seconds a frame")
     print(f"| clip | {' | '.join(columns)} | unsteadiness dB: truth, blurred, restored |")
     print("|---|---|---|---|---|---|---|---|")
@@ -82,14 +88,21 @@ def main() -> None:
         values = np.array([(psnr(b, s), psnr(a, s)) for b, a, s in zip(before, after, truth, strict=True)])
         camera = Intrinsics.centred(focal=focal, rows=facts["rows"], cols=facts["cols"])
         middles = pose(np.array([r["time_s"] for r in records]) + 0.5 * (facts["readout_s"] + facts["exposure_s"]))
-        steady = ", ".join(f"{unsteadiness(frames, middles, camera):.1f}" for frames in (truth, before, after))
+        steady = [unsteadiness(frames, middles, camera) for frames in (truth, before, after)]
         gain = values[:, 1] - values[:, 0]
         seconds = np.mean([r["seconds"] for r in records])
         print(
             f"| {case.name} | {values[:, 0].mean():.2f} | {values[:, 1].mean():.2f} | {gain.mean():.2f} | {gain.min():.2f} |"
-            f" {np.median(errors):.2f} | {seconds:.1f} | {steady} |",
+            f" {np.median(errors):.2f} | {seconds:.1f} | {', '.join(f'{value:.1f}' for value in steady)} |",
             flush=True,
         )
+        figures = [*values.mean(axis=0), gain.mean(), gain.min(), np.median(errors), seconds]
+        rows.append({"clip": case.name} | dict(zip(COLUMNS, map(float, figures), strict=True)))
+        steadiness.append({"clip": case.name} | dict(zip(("truth_db", "blurred_db", "restored_db"), steady, strict=True)))
+        gains.append({"clip": case.name, "known_alone_gain_db": float(gain.mean())})
+    if args.json:
+        sections = {"clip_ways": gains} if args.known else {"clips": rows, "steadiness": steadiness}
+        published.write(args.json, sections, [flag for flag in ("--alone", "--cold") if vars(args)[flag[2:]]])
 
 
 if __name__ == "__main__":

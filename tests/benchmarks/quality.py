@@ -1,10 +1,10 @@
 """Restore every still of a folder of cases with the installed command and print what was gained.
 
-    python tests/benchmarks/quality.py CASES -o RESULTS [--known] [--kind shift,paper800] [--jobs 2] [--motion shift --start tracing ...]
+    python tests/benchmarks/quality.py CASES -o RESULTS [--known] [--kind shift,paper800] [--jobs 2] [--json FILE] [--motion shift ...]
 
 CASES holds a folder a case: blurred.png, truth.png, motion.csv, case.json (`rsvideo simulate` writes such). RESULTS gets NAME.png
 and its sidecar. With --known the motion of motion.csv is given: the bound of what a blind method can reach with the same prior.
-All other options are those of `rsvideo deblur`.
+FILE gets the figures, for tests/benchmarks/moved.py. All other options are those of `rsvideo deblur`.
 """
 
 import argparse
@@ -16,6 +16,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import published
 
 from rsvideo.report.metrics import path_error, psnr
 
@@ -47,6 +48,21 @@ def restored(case: Path, results: Path, options: list[str], known: bool) -> tupl
     return case.name, psnr(codes(case / "blurred.png"), sharp), psnr(codes(output), sharp), error, frame["seconds"], frame["verdict"]
 
 
+def written(file: Path, rows: list[tuple[str, float, float, float, float, str]], options: list[str], known: bool) -> None:
+    """The figures for moved.py: under the motion that was given, or found."""
+    plain = known and options[:2] == ["--prior", "tv"]
+    name = "known_tv" if plain else "known" if known else "blind"
+    cases = [{"case": case, "blurred_db": before, f"{name}_db": after} for case, before, after, *_ in rows]
+    kinds: dict[str, list[tuple[float, float]]] = {}
+    for n, (case, before, after, error, seconds, _) in enumerate(rows):
+        cases[n] |= {} if known else {"path_error_px": error, "seconds": seconds}
+        kinds.setdefault(case.rsplit("_", 1)[0], []).append((after - before, error))
+    means = [{"kind": kind, f"{name}_gain_db": float(np.mean([gain for gain, _ in group]))} for kind, group in kinds.items()]
+    for mean, group in zip(means, kinds.values(), strict=True):
+        mean |= {} if known else {"path_error_px": float(np.median([error for _, error in group]))}
+    published.write(file, {"stills": cases, "still_kinds": means}, options[2:] if plain else options)
+
+
 def main() -> None:
     """Run, and print a Markdown table with the means of each kind."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -55,12 +71,16 @@ def main() -> None:
     parser.add_argument("--known", action="store_true")
     parser.add_argument("--kind", default="")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--json", type=Path)
     args, options = parser.parse_known_args()
     args.output.mkdir(parents=True, exist_ok=True)
+    own = list(options)
     cases = sorted(f.parent for f in args.cases.glob("*/case.json") if f.parent.name.startswith(tuple(args.kind.split(","))))
     options += ["--threads", "1"] if args.jobs > 1 else []
     with ThreadPoolExecutor(args.jobs) as pool:
         rows = list(pool.map(lambda case: restored(case, args.output, options, args.known), cases))
+    if args.json:
+        written(args.json, rows, own, args.known)
     print("| case | blurred dB | restored dB | gain dB | path error px | seconds | verdict |\n|---|---|---|---|---|---|---|")
     for name, before, after, error, seconds, verdict in rows:
         print(f"| {name} | {before:.2f} | {after:.2f} | {after - before:.2f} | {error:.2f} | {seconds:.0f} | {verdict} |")

@@ -1,8 +1,9 @@
 """Seconds and peak memory of a cold frame, by size and by length of blur, through the installed command.
 
-    python tests/benchmarks/speed.py [--sizes 480x270,800x450,1280x720,1920x1080] [--blurs 10,20,40]
+    python tests/benchmarks/speed.py [--sizes 480x270,800x450,1280x720,1920x1080] [--blurs 10,20,40] [--json FILE]
 
 The frames are rendered by `rsvideo simulate` from scikit-image's pictures, laid side by side and mirrored to the size wanted.
+FILE gets the figures, for tests/benchmarks/moved.py.
 """
 
 import argparse
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import published
 import skimage.data
 
 CAMERA = ["--exposure", "1/50", "--readout", "20ms", "--focal-px", "1400"]
@@ -58,15 +60,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", default="480x270,800x450,1280x720,1920x1080")
     parser.add_argument("--blurs", default="10,20,40")
+    parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     sizes = [tuple(map(int, size.split("x"))) for size in args.sizes.split(",") if size]
     runs = [(*size, 15) for size in sizes[:2]] + [(800, 450, int(blur)) for blur in args.blurs.split(",") if blur]
     runs += [(*size, 15) for size in sizes[2:]]
     print("| frame | longest blur px | seconds | peak memory so far GB | verdict |\n|---|---|---|---|---|", flush=True)
+    measured_rows = []
     with tempfile.TemporaryDirectory() as folder:
         for cols, rows, blur in runs:
             seconds, memory, verdict = measured(Path(folder), cols, rows, blur)
             print(f"| about {cols} x {rows} | {blur} | {seconds:.0f} | {memory:.2f} | {verdict} |", flush=True)
+            measured_rows.append({"frame": f"{cols} x {rows}", "blur_px": blur, "seconds": seconds, "peak_gb": memory})
+    if args.json:
+        published.write(args.json, {"speed": measured_rows})
 
 
 if __name__ == "__main__":

@@ -155,16 +155,16 @@ def by_sparse_matrix(
     begin = time.perf_counter()
     A = assembled(K)
     assembly = time.perf_counter() - begin
-    rho = 1 / threshold
-    N = NormalMatrix(blur=A, gradient=D, scale=1 / MU, rho=rho)
-    seen = A.adjoint(b) / MU
+    rho = MU / threshold
+    N = NormalMatrix(blur=A, gradient=D, rho=rho)
+    seen = A.adjoint(b)
 
-    def minimise_l(_: np.ndarray, g: np.ndarray, latent: np.ndarray) -> np.ndarray:
-        return solve(conjugate_gradient(N, seen + rho * D.adjoint(g), latent), steps=inner, tolerance=1e-6).state.x
+    def update(data: np.ndarray, g: np.ndarray, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return solve(conjugate_gradient(N, seen + rho * D.adjoint(g), latent), steps=inner, tolerance=1e-6).state.x, data
 
     start = np.pad(b, [(m, m) for m in K.margin], mode="edge")
     seconds, steps, value = time.perf_counter() - begin, -1, math.inf
-    states = total_variation(b, mu=MU, rho=rho, blur=A, gradient=D, minimise_l=minimise_l, start=start)
+    states = total_variation(b, mu=MU, rho=rho, gradient=D, update=update, start=start)
     while value > until and steps < most:
         begin = time.perf_counter()
         state = next(states)
@@ -222,7 +222,7 @@ def least(frame) -> tuple[float, float]:
     """The least of Eq. (8) by rows and by sparse matrix, from long runs."""
     b, _, K = frame
     A = row_fourier(K.displacement, COLS)
-    rows = restore_rows(b, A, mu=MU, settings=LatentSettings(steps=300, tolerance=0), weights=None).state.latent
+    rows = restore_rows(b, A, mu=MU, settings=LatentSettings(steps=300, tolerance=0)).state.latent
     return value_by_rows(rows, b, A), by_sparse_matrix(b, K, until=0, threshold=0.05, inner=6, most=60)[2]
 
 
@@ -233,7 +233,7 @@ def test_latent_update(frame, least, benchmark, steps):
 
     def exact() -> np.ndarray:
         A = row_fourier(K.displacement, COLS)
-        return restore_rows(b, A, mu=MU, settings=settings, weights=None).state.latent
+        return restore_rows(b, A, mu=MU, settings=settings).state.latent
 
     exact()
     seconds, latent = timed(exact)

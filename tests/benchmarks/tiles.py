@@ -24,7 +24,7 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration import nonblind
 from rsvideo.restoration.settings import Settings
-from rsvideo.shooting import known_motion
+from rsvideo.shooting import given_motion
 
 MU = 5e-4
 CONVERGED = latent_image.LatentSettings(steps=40, inner_tolerance=1e-4)
@@ -44,7 +44,7 @@ def gains(case: Path) -> tuple[int, float, float, float]:
     frame, truth = grey(case / "blurred.png"), grey(case / "truth.png")
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])
     camera = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
-    path = known_motion.read(case / "motion.csv", timing, camera)
+    path = given_motion.read(case / "motion.csv", timing, camera)
     settings = Settings()
     unclipped = np.zeros((*frame.shape, 1), bool)
     tiles = nonblind.tiled(

@@ -10,30 +10,35 @@ import cv2
 import numpy as np
 import pytest
 
-INSTALLED = Path(sys.executable).with_name("rsvideo")
+from tests.cli.forked import INSTALLED, call
+
 STAND_IN = Path(__file__).with_name("stand_in.py")
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def _run(program: list[str], *words: object, **how) -> subprocess.CompletedProcess[str]:
+def _run(program: Path, *words: object, preexec_fn: Callable[[], None] | None = None) -> subprocess.CompletedProcess[str]:
     environment = os.environ | {"DAWDLE": "0"}
-    if "preexec_fn" in how:  # where files are cut short, Python would cache its own bytecode cut short, for all later runs
-        environment |= {"PYTHONDONTWRITEBYTECODE": "1"}
-    return subprocess.run([*program, *map(str, words)], capture_output=True, text=True, timeout=120, env=environment, check=False, **how)
+    if preexec_fn is None:
+        return call(*words, program=program, env=environment)
+    environment |= {
+        "PYTHONDONTWRITEBYTECODE": "1"
+    }  # where files are cut short, Python would cache its own bytecode cut short, for all later runs
+    fresh = [sys.executable, str(program), *map(str, words)]
+    return subprocess.run(fresh, capture_output=True, text=True, timeout=120, env=environment, check=False, preexec_fn=preexec_fn)
 
 
 @pytest.fixture
 def rsvideo() -> Run:
     """The installed command."""
     assert INSTALLED.exists(), "the tests call the installed command; pip install -e . installs it"
-    return lambda *words, **how: _run([str(INSTALLED)], *words, **how)
+    return lambda *words, **how: _run(INSTALLED, *words, **how)
 
 
 @pytest.fixture
 def rsvideo_at_once() -> Run:
     """The command with a core that brightens the photograph instead of restoring it."""
-    return lambda *words, **how: _run([sys.executable, str(STAND_IN)], *words, **how)
+    return lambda *words, **how: _run(STAND_IN, *words, **how)
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsvideo.shooting.known_motion import COLUMNS
+from rsvideo.shooting.given_motion import COLUMNS
 from rsvideo.video.decode import pictures, probe
 from tests.cli.conftest import INSTALLED, Run
 from tests.cli.test_bad_input import one_line

@@ -2,9 +2,7 @@
 
 import csv
 import json
-import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +13,7 @@ import pytest
 from rsvideo.cli import app, asked, exit_codes
 from rsvideo.comparison import method_run
 from rsvideo.config.method import Method
+from tests.cli.forked import call
 from tests.pipeline.moving import Moving, encode, planes
 
 CLIP = Moving(frames=3, rows=64, cols=96, reach=6.0)
@@ -23,8 +22,7 @@ STAND_IN = Path(__file__).with_name("compare_stand_in.py")
 
 
 def compare(*words: object) -> subprocess.CompletedProcess[str]:
-    program = [sys.executable, str(STAND_IN), "compare", *map(str, words)]
-    return subprocess.run(program, capture_output=True, text=True, timeout=120, env=os.environ.copy(), check=False)
+    return call("compare", *words, program=STAND_IN)
 
 
 @pytest.fixture(scope="module")

@@ -156,9 +156,9 @@ def test_help_and_version_answer_without_loading_the_libraries(rsvideo: Run) -> 
 
 def test_an_unexpected_failure_shows_no_traceback_unless_asked(tmp_path: Path, photograph: Path) -> None:
     code = (
-        "from rsvideo.restoration import blind\n"
+        "from rsvideo.restoration import single_frame\n"
         "def restore(*_, **__): raise KeyError('inside')\n"
-        "blind.restore = restore\n"
+        "single_frame.restore = restore\n"
         "from rsvideo.cli import main\n"
         "main()\n"
     )

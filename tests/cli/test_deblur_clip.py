@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rsvideo.video import decode
-from tests.cli.conftest import INSTALLED
+from tests.cli.forked import INSTALLED, call
 from tests.cli.test_bad_input import one_line
 from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets
@@ -24,10 +24,9 @@ GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.camera
 QUICK = ("--prior", "tv")
 
 
-def rsvideo(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
-    """The installed command, with as many threads as it likes."""
-    env = {name: value for name, value in os.environ.items() if name != "NUMBA_NUM_THREADS"} | environment
-    return subprocess.run([INSTALLED, *map(str, words)], capture_output=True, text=True, timeout=400, env=env, check=False)
+def rsvideo(*words: object) -> subprocess.CompletedProcess[str]:
+    """The installed command."""
+    return call(*words, timeout=400)
 
 
 @pytest.fixture(scope="module")

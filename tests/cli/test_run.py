@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli import forked
+
 STAND_IN = Path(__file__).resolve().parents[1] / "batch" / "stand_in.py"
 CLIPS = {"a b.mp4": b"abcdefghijklmn", "\u00fcber.mov": b"klmnopqr", "c.mp4": b"stuvwxyz01234"}
 JOB = """\
@@ -48,6 +50,8 @@ def job(tmp_path: Path) -> Path:
 
 
 def call(*words: object, how: Callable[[], None] | None = None, **mishaps: object) -> subprocess.CompletedProcess[str]:
+    if how is None:
+        return forked.call(*words, program=STAND_IN, timeout=60, env=environment(mishaps))
     program = [sys.executable, str(STAND_IN), *map(str, words)]
     return subprocess.run(program, capture_output=True, encoding="utf-8", timeout=60, env=environment(mishaps), check=False, preexec_fn=how)
 

@@ -1,9 +1,6 @@
 """`rsvideo simulate`, as a user runs it."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import imageio.v3 as iio
 import numpy as np
@@ -12,16 +9,16 @@ import typer
 
 from rsvideo.cli import exit_codes
 from rsvideo.cli.simulate import simulate
+from tests.cli.forked import call
 
 VERB = typer.Typer()
 VERB.command()(simulate)
-COMMAND = Path(sys.executable).parent / "rsvideo"
 TIMING = ["--exposure", "1/50", "--readout", "20ms", "--focal-px", "300"]
 LOG = "\n".join(f"{k * 5_000_000} 0.1 0.5 -0.3" for k in range(100))
 
 
 def run(*words):
-    done = subprocess.run([COMMAND, "simulate", *map(str, words)], capture_output=True, text=True, check=False, timeout=60)
+    done = call("simulate", *words)
     assert not done.stdout
     assert "Traceback" not in done.stderr
     return done

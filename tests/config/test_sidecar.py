@@ -12,7 +12,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, centred
-from rsvideo.shooting import known_motion
+from rsvideo.shooting import given_motion
 
 CAMERA = Intrinsics.centred(focal=1000, rows=400, cols=600)
 TIMING = ShutterTiming.from_readout(exposure=0.03, readout=0.02, rows=400)
@@ -120,7 +120,7 @@ def test_a_sidecar_given_as_motion_is_the_motion_it_records(tmp_path: Path) -> N
     path = tmp_path / "out.rsvideo.json"
     path.write_bytes(example().encode())
     t = np.linspace(0, 0.05, 777)
-    difference = np.abs(known_motion.read(path, TIMING, CAMERA).at(t) - CURVE.at(t))
+    difference = np.abs(given_motion.read(path, TIMING, CAMERA).at(t) - CURVE.at(t))
     assert difference[:, :2].max() < 0.02
     assert difference[:, 2].max() * 360 < 0.02
 

@@ -53,7 +53,7 @@ def test_a_profile_answers_for_lens_readout_and_tone(tmp_path: Path) -> None:
     assert (task.camera.fx, task.camera.fy, task.camera.cx, task.camera.cy) == (120, 121, 31, 24)
     assert task.timing.readout == pytest.approx(0.024)
     assert task.timing.direction is Direction.BOTTOM_TO_TOP
-    assert (task.stream.colour.transfer, task.stream.colour.clip) == (Curve(light=(0.0, 0.25, 1.0)), 0.9)
+    assert (task.stream.colour.transfer, task.stream.colour.saturation) == (Curve(light=(0.0, 0.25, 1.0)), 0.9)
     over = prepare(asked(source, tmp_path / "b.mp4", exposure=0.01, camera=str(profile), transfer="s-log3", focal_px=99.0))
     assert over.stream.colour.transfer is Transfer.SLOG3
     assert over.camera.source == "explicit"

@@ -1,12 +1,11 @@
 """Whichever way a frame is read, along its scanlines it is one that is read from top to bottom, and it comes back as it was."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.camera import Camera, Intrinsics, turned
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.restoration.movement import Movement
@@ -19,7 +18,7 @@ LENS = Intrinsics(fx=310.0, fy=280.0, cx=66.0, cy=41.0, rows=ROWS, cols=COLS)
 POSE = np.array([3.0, -2.0, 0.02])
 
 
-def camera(direction: Direction, noise: float | None = None) -> Camera:
+def camera(direction: Direction, noise: Noise | None = None) -> Camera:
     lines = ROWS if direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else COLS
     timing = ShutterTiming.from_readout(exposure=0.01, readout=0.02, rows=lines, direction=direction)
     return Camera(timing=timing, intrinsics=LENS, noise=noise)
@@ -89,14 +88,11 @@ def test_noise_is_measured_unless_the_camera_gives_it(channels: int) -> None:
     given = frame(sigma=0.02, channels=channels)
     down = Direction.TOP_TO_BOTTOM
     assert to_scanlines(given, camera(down)).noise == pytest.approx(0.02, rel=0.25)
-    assert to_scanlines(given, camera(down, noise=0.003)).noise == 0.003
-    assert to_scanlines(given, camera(down, noise=0.0)).noise == LEAST_NOISE
-    measured, stated = (scene_of(to_scanlines(given, camera(down, noise=noise)), Settings()) for noise in (None, 0.02))
+    assert to_scanlines(given, camera(down, noise=Noise(read=0.003, shot=0.0))).noise == 0.003
+    assert to_scanlines(given, camera(down, noise=Noise(read=0.0, shot=0.0))).noise == LEAST_NOISE
+    measured, stated = (
+        scene_of(to_scanlines(given, camera(down, noise=noise)), Settings()) for noise in (None, Noise(read=0.02, shot=0.0))
+    )
     assert stated.noise == pytest.approx(measured.noise, rel=0.25)
     assert halved(stated).noise == pytest.approx(halved(measured).noise, rel=0.4)
-    assert scene_of(to_scanlines(given, camera(down, noise=0.001)), Settings()).noise < 0.1 * stated.noise
-
-
-def test_noise_in_codes_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"noise must lie in \[0, 1\) of white, got 3; is it in 8-bit codes"):
-        replace(camera(Direction.TOP_TO_BOTTOM), noise=3.0)
+    assert scene_of(to_scanlines(given, camera(down, noise=Noise(read=0.001, shot=0.0))), Settings()).noise < 0.1 * stated.noise

@@ -6,7 +6,7 @@ import skimage.data
 
 from rsvideo.physics import simulate
 from rsvideo.physics.camera import Camera, Intrinsics
-from rsvideo.physics.noise import noise_level
+from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.restoration.energy import energy

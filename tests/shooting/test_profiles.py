@@ -51,7 +51,7 @@ def test_a_profile_says_what_its_file_says(tmp_path: Path) -> None:
     assert facts.direction is not None
     assert facts.direction.value is Direction.BOTTOM_TO_TOP
     assert facts.tone is Transfer.BT709
-    assert facts.clip is None
+    assert facts.saturation is None
     assert facts.noise is not None
     assert facts.noise.shot.value == 1e-5
 
@@ -60,7 +60,7 @@ def test_a_measured_curve_and_its_clipping_stand_for_the_standards(tmp_path: Pat
     facts, notes = for_clip(camera(tmp_path, "{transfer: bt709}", "{curve: [0, 0.25, 1], clip: 0.9}"), 480, 640, 30.0)
     assert notes == ()
     assert facts.tone == Curve(light=(0.0, 0.25, 1.0))
-    assert facts.clip == 0.9
+    assert facts.saturation == 0.9
 
 
 def test_a_scaled_clip_keeps_its_field_of_view_and_says_so(tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ def test_profile_orientation_and_exposure_travel_between_all_formats(tmp_path: P
     (tmp_path / "out").write_bytes(still.encode(photograph, photograph.pixels, target)[0])
     back = still.read(tmp_path / "out")
     assert back.codes.icc == ICC
-    assert (back.shot.exposure, back.shot.focal_mm, back.shot.focal_35mm, back.shot.camera) == (0.02, 4.3, 28, "Model 1")
+    assert (back.capture.exposure, back.capture.focal_mm, back.capture.focal_35mm, back.capture.camera) == (0.02, 4.3, 28, "Model 1")
     with Image.open(tmp_path / "out") as image:
         exif = image.getexif()
         assert exif[274] == 6
@@ -170,7 +170,7 @@ def test_an_exif_that_says_zero_says_nothing(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif[0x8769] = {33434: IFDRational(0, 1), 41989: 0}
     codes = replace(codes_like("grey", 8), exif=exif.tobytes().removeprefix(b"Exif\0\0"))
-    shot = still.read(saved(tmp_path / "in", codes, Format.JPEG)).shot
+    shot = still.read(saved(tmp_path / "in", codes, Format.JPEG)).capture
     assert shot.exposure is None
     assert shot.focal_px(100, 100) is None
 
@@ -178,7 +178,7 @@ def test_an_exif_that_says_zero_says_nothing(tmp_path: Path) -> None:
 def test_a_damaged_exif_does_not_stop_the_picture(tmp_path: Path) -> None:
     for kind in WRITABLE[:1] + WRITABLE[2:]:
         photograph = still.read(saved(tmp_path / "in", replace(codes_like("grey", 8), exif=b"II*\0\xff\xff\xff\x7fnonsense"), kind))
-        assert photograph.shot.exposure is None
+        assert photograph.capture.exposure is None
 
 
 def chunk(kind: bytes, body: bytes) -> bytes:
@@ -263,7 +263,7 @@ def test_a_raw_photograph_is_linear_and_in_sensor_order(shared: Path) -> None:
 
 
 def test_a_phone_photograph_says_its_exposure(shared: Path) -> None:
-    shot = still.read(shared / "real" / "galaxynexus_chart" / "giro_data_image.jpg").shot
+    shot = still.read(shared / "real" / "galaxynexus_chart" / "giro_data_image.jpg").capture
     assert shot.exposure == pytest.approx(0.059994)
     assert shot.camera == "Full AOSP on Maguro"
 

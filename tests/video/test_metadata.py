@@ -41,7 +41,7 @@ def clip(folder: Path, tags: Mapping[str, str], name: str = "clip.mov") -> Strea
 
 
 def test_a_phone_says_maker_model_lens_and_day_each_with_its_tag(tmp_path: Path) -> None:
-    facts = metadata.shot(clip(tmp_path, APPLE))
+    facts = metadata.read(clip(tmp_path, APPLE))
     assert facts.camera == "Apple iPhone 12"
     assert facts.model is not None
     assert facts.model.source == "the clip's tag com.apple.quicktime.model"
@@ -68,41 +68,41 @@ def test_a_phone_says_maker_model_lens_and_day_each_with_its_tag(tmp_path: Path)
     ],
 )
 def test_exposure_is_taken_from_tags_that_are_a_time_or_an_angle(tmp_path: Path, tags: Mapping[str, str], exposure: float | None) -> None:
-    said = metadata.shot(clip(tmp_path, tags)).exposure
+    said = metadata.read(clip(tmp_path, tags)).exposure
     assert (said.value if said else None) == (pytest.approx(exposure) if exposure else None)
 
 
 def test_matroska_writes_its_tags_in_capitals(tmp_path: Path) -> None:
-    facts = metadata.shot(clip(tmp_path, {"MAKE": "Canon", "MODEL": "EOS R5", "ISO": "400"}, "clip.mkv"))
+    facts = metadata.read(clip(tmp_path, {"MAKE": "Canon", "MODEL": "EOS R5", "ISO": "400"}, "clip.mkv"))
     assert facts.camera == "Canon EOS R5"
     assert facts.iso is not None
     assert facts.iso.value == 400
 
 
 def test_slow_motion_is_told(tmp_path: Path) -> None:
-    facts = metadata.shot(clip(tmp_path, {"com.android.capture.fps": "240.0"}))
+    facts = metadata.read(clip(tmp_path, {"com.android.capture.fps": "240.0"}))
     assert facts.frame_rate is not None
     assert facts.frame_rate.value == 240
     assert any("recorded at 240 fps and played at 25" in note for note in facts.notes)
-    assert metadata.shot(clip(tmp_path, {"com.android.capture.fps": "25.0"})).notes == ()
+    assert metadata.read(clip(tmp_path, {"com.android.capture.fps": "25.0"})).notes == ()
 
 
 def test_tags_that_could_harm_a_terminal_say_nothing(tmp_path: Path) -> None:
-    facts = metadata.shot(clip(tmp_path, {"make": "\x1b[31mred", "model": "x" * 5000, "iso": "9" * 5000}))
+    facts = metadata.read(clip(tmp_path, {"make": "\x1b[31mred", "model": "x" * 5000, "iso": "9" * 5000}))
     assert facts.make is None
     assert facts.model is not None
     assert len(facts.model.value) == 80
 
 
 def test_a_clip_that_says_nothing_says_nothing(tmp_path: Path) -> None:
-    facts = metadata.shot(clip(tmp_path, {}))
+    facts = metadata.read(clip(tmp_path, {}))
     assert facts == ClipFacts(captured=facts.captured)
     assert facts.camera is None
     assert facts.focal_px(48, 64) is None
 
 
 def test_a_gopro_tells_exposure_readout_and_that_it_stabilised(shared: Path) -> None:
-    facts = metadata.shot(decode.probe(shared / GOPRO / "max-heromode.mp4"))
+    facts = metadata.read(decode.probe(shared / GOPRO / "max-heromode.mp4"))
     assert facts.camera == "GoPro GoPro Max"
     assert facts.readout is not None
     assert facts.readout.value == pytest.approx(20.60e-3, abs=5e-6)
@@ -114,7 +114,7 @@ def test_a_gopro_tells_exposure_readout_and_that_it_stabilised(shared: Path) -> 
 
 
 def test_a_gopro_that_does_not_stabilise_has_no_such_note(shared: Path) -> None:
-    facts = metadata.shot(decode.probe(shared / GOPRO / "karma.mp4"))
+    facts = metadata.read(decode.probe(shared / GOPRO / "karma.mp4"))
     assert facts.camera == "GoPro HERO5 Black"
     assert facts.exposure is not None
     assert facts.exposure.value == pytest.approx(4.87e-3, abs=5e-6)
@@ -123,7 +123,7 @@ def test_a_gopro_that_does_not_stabilise_has_no_such_note(shared: Path) -> None:
 
 def test_without_the_reader_tags_still_speak(shared: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(telemetry, "available", lambda: False)
-    facts = metadata.shot(decode.probe(shared / GOPRO / "karma.mp4"))
+    facts = metadata.read(decode.probe(shared / GOPRO / "karma.mp4"))
     assert facts.make is not None
     assert (facts.make.value, facts.exposure) == ("GoPro", None)
     assert facts.notes == ("its data tracks are not read: telemetry-parser is not installed; pip install 'rsvideo[gyro]' brings it",)
@@ -167,9 +167,9 @@ def test_a_sequence_says_what_its_first_files_exif_says(tmp_path: Path) -> None:
     record[272] = "EOS R5"
     record[0x8769] = {33434: IFDRational(1, 50), 41989: 35}
     Image.new("RGB", (64, 48)).save(tmp_path / "0001.jpg", exif=record)
-    facts = metadata.shot(replace(clip(tmp_path, APPLE), files=(tmp_path / "0001.jpg",)))
+    facts = metadata.read(replace(clip(tmp_path, APPLE), files=(tmp_path / "0001.jpg",)))
     assert facts.exposure == Fact(value=0.02, source="EXIF of 0001.jpg")
     assert facts.camera == "EOS R5"
     assert facts.focal_35mm is not None
-    missing = metadata.shot(replace(clip(tmp_path, APPLE), files=(tmp_path / "0000.jpg",)))
+    missing = metadata.read(replace(clip(tmp_path, APPLE), files=(tmp_path / "0000.jpg",)))
     assert "0000.jpg does not exist" in missing.notes[0]

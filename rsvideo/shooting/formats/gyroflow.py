@@ -1,4 +1,4 @@
-"""Gyroflow's lens profiles (JSON): camera matrix, distortion, readout time in milliseconds and the way it runs."""
+"""Gyroflow's lens profiles (JSON): camera matrix, distortion, readout time in milliseconds and its direction."""
 
 import enum
 import json
@@ -30,7 +30,7 @@ _SHORTEST_MS = 1.0  # a time below is a slip of the unit, as in the public table
 
 
 class ReadoutName(enum.StrEnum):
-    """The ways a readout runs, as lens profiles spell them; older ones know only a negative time, for bottom to top."""
+    """The directions of a readout, as lens profiles spell them; older ones have only a negative time, for bottom to top."""
 
     TOP_TO_BOTTOM = "TopToBottom"
     BOTTOM_TO_TOP = "BottomToTop"
@@ -77,7 +77,7 @@ class _LensProfile(Foreign):
 
 
 def read(path: Path) -> CameraProfile:
-    """The profile in a file; a distortion model that OpenCV does not have is left out, and said so."""
+    """The profile in a file; a distortion model that OpenCV does not have is left out, with a note."""
     positions = Positions(path=path, lines={})
     try:
         data = json.loads(read_whole(path, most=MOST_BYTES))
@@ -87,7 +87,7 @@ def read(path: Path) -> CameraProfile:
         raise
     try:
         return _parsed(validated(_LensProfile, data, positions), positions)
-    except ConfigError as error:  # lines are not known here
+    except ConfigError as error:  # JSON is read without lines
         raise ConfigError(*(fault.replace(f"{path}:1: ", f"{path}: ", 1) for fault in error.faults)) from error
 
 
