@@ -2,7 +2,7 @@
 
 import math
 import platform
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -19,12 +19,14 @@ from rsvideo.comparison.decoded import Light, Plan, Shot
 from rsvideo.comparison.method_run import Attempt
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.media import is_pattern
+from rsvideo.config.request import Request
 from rsvideo.config.sidecar import FrameRecord, Sidecar
 from rsvideo.frame import Verdict
 from rsvideo.physics.tone import Transfer
-from rsvideo.pipeline import clip_job, processes
-from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.job import Job
+from rsvideo.pipeline import processes
+from rsvideo.pipeline.clip_facts import frame_range
+from rsvideo.progress import Observer, Progress
 from rsvideo.report import metrics
 from rsvideo.report.comparison import Comparison, Crop, Entry, Look, Measured, Role
 from rsvideo.stills import still
@@ -51,12 +53,12 @@ class _Reel:
         return {} if self.sidecar is None else {record.index: record for record in self.sidecar.frames}
 
 
-def settled(jobs: Sequence[Job | ClipJob], truth: Path | None, crops: Sequence[tuple[int, int, int, int]]) -> list[Job | ClipJob]:
-    """The jobs, with every question answered before the work; raises ValueError or UnreadableError for what cannot be."""
-    first = jobs[0]
-    if not first.source.exists() and not any(mark in first.source.name for mark in "#%*"):
+def settled(requests: Sequence[Request], truth: Path | None, crops: Sequence[tuple[int, int, int, int]]) -> list[Request]:
+    """The requests, with every question answered before the work; raises ValueError or UnreadableError for what cannot be."""
+    first = requests[0]
+    if not first.source.exists() and not is_pattern(first.source):
         raise UnreadableError(f"{first.source} does not exist; is its name mistyped?")
-    answered = [method_run.settled(job) for job in jobs]
+    answered = [method_run.settled(request) for request in requests]
     if truth is not None:
         _check_truth(first, truth)
     if crops:
@@ -64,17 +66,18 @@ def settled(jobs: Sequence[Job | ClipJob], truth: Path | None, crops: Sequence[t
     return answered
 
 
-def _check_truth(job: Job | ClipJob, truth: Path) -> None:
+def _check_truth(request: Request, truth: Path) -> None:
     """Refuse a truth that is of another size or length than the input."""
-    if isinstance(job, Job):
-        ours, theirs = (_still_shape(path, job.transfer) for path in (job.source, truth))
+    if not request.is_clip:
+        ours, theirs = (_still_shape(path, request.camera.transfer) for path in (request.source, truth))
         if ours != theirs:
             raise ValueError(f"the truth must be of the input's size, {ours}, {truth} is {theirs}")
         return
-    stream, other = decode.probe(job.source, job.pictures_a_second, on_damage=job.on_damage), decode.probe(truth, job.pictures_a_second)
+    rate = request.input.frame_rate
+    stream, other = decode.probe(request.source, rate, on_damage=request.input.on_damage), decode.probe(truth, rate)
     if (stream.rows, stream.cols) != (other.rows, other.cols):
         raise ValueError(f"the truth must be of the input's size, {stream.cols} x {stream.rows}, {truth} is {other.cols} x {other.rows}")
-    first, last = clip_job.span(job, stream)
+    first, last = frame_range(stream, request.input.range)
     if other.frames not in (stream.frames, last - first):
         raise ValueError(f"the truth must have as many frames as the input, {stream.frames}, {truth} has {other.frames}")
 
@@ -84,9 +87,9 @@ def _still_shape(path: Path, transfer: Transfer | None) -> str:
     return f"{cols} x {rows}"
 
 
-def _check_crops(crops: Sequence[tuple[int, int, int, int]], job: Job | ClipJob) -> None:
+def _check_crops(crops: Sequence[tuple[int, int, int, int]], request: Request) -> None:
     """Refuse crops that reach beyond the picture as it is shown."""
-    plan = shots_of.plan(job)
+    plan = shots_of.plan(request)
     for x, y, w, h in crops:
         if min(w, h) < 8 or min(x, y) < 0 or x + w > plan.cols or y + h > plan.rows:
             raise ValueError(
@@ -95,17 +98,17 @@ def _check_crops(crops: Sequence[tuple[int, int, int, int]], job: Job | ClipJob)
 
 
 def compared(
-    job: Job | ClipJob,
+    request: Request,
     attempts: Sequence[Attempt],
     *,
     truth: Path | None,
     crops: Sequence[tuple[int, int, int, int]],
-    show: Callable[[str, float], None],
+    observe: Observer,
 ) -> Comparison:
-    """Decode what the methods made of the job's source, all at once, and measure it."""
-    plan = shots_of.plan(job)
+    """Decode what the methods made of the request's source, all at once, and measure it."""
+    plan = shots_of.plan(request)
     scale = key_frames.scale(plan.rows, plan.cols)
-    reels = _reels(job, attempts, truth, plan)
+    reels = _reels(request, attempts, truth, plan)
     count = plan.last - plan.first
     wanted = key_frames.chosen(count, len(reels), plan.rows * plan.cols * scale**2)
     grid = Grid.fitting(len(reels), plan.rows, plan.cols)
@@ -118,7 +121,7 @@ def compared(
     key, area, left = 0, np.zeros((0, 0)), float(key_frames.PICTURES_BYTES)
     with ThreadPoolExecutor(processes.cores()) as pool:
         for n, (index, shots) in enumerate(_together(reels, plan)):
-            show(f"measuring frame {index}", n / count)
+            observe(Progress(stage=f"measuring frame {index}", fraction=n / count, frame=index))
             seen = [reel for reel in reels if reel.name in shots]
             lumas = {name: metrics.luma(shot.codes) for name, shot in shots.items()}
             earlier = {name: luma for name, (at, luma) in before.items() if at == index - 1}
@@ -142,8 +145,8 @@ def compared(
                 shown.append(look)
     entries = _entries(reels, attempts, measured)
     return Comparison(
-        title=job.source.name,
-        source=str(job.source),
+        title=request.source.name,
+        source=str(request.source),
         kind=plan.kind,
         rows=plan.rows,
         cols=plan.cols,
@@ -190,7 +193,7 @@ def _entries(reels: Sequence[_Reel], attempts: Sequence[Attempt], measured: Mapp
     return tuple(everyone[name] for name in dict.fromkeys(["recorded", *(a.method for a in attempts), "truth"]) if name in everyone)
 
 
-def _reels(job: Job | ClipJob, attempts: Sequence[Attempt], truth: Path | None, plan: Plan) -> list[_Reel]:
+def _reels(request: Request, attempts: Sequence[Attempt], truth: Path | None, plan: Plan) -> list[_Reel]:
     """The recording first, unless the method `none` stands for it; the truth last."""
     reels = []
     for each in attempts:
@@ -202,7 +205,7 @@ def _reels(job: Job | ClipJob, attempts: Sequence[Attempt], truth: Path | None, 
     reels.sort(key=lambda reel: reel.name != "none")
     part = range(plan.first, plan.last)
     if not reels or reels[0].name != "none":
-        reels.insert(0, _Reel(name="recorded", role="recorded", shots=zip(part, plan.reel(job.source, True), strict=False)))
+        reels.insert(0, _Reel(name="recorded", role="recorded", shots=zip(part, plan.reel(request.source, True), strict=False)))
     if truth is not None:
         reels.append(_Reel(name="truth", role="truth", shots=zip(part, plan.reel(truth, True), strict=False)))
     return reels

@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
+from rsvideo.config.media import is_clip
+from rsvideo.config.request import Request
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
-from rsvideo.pipeline import clip_job
-from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.job import Job
+from rsvideo.pipeline.clip_facts import frame_range
 from rsvideo.report import metrics
 from rsvideo.stills import still
 from rsvideo.video import colour, decode
@@ -48,29 +48,30 @@ class Plan:
 
 def shots(path: Path) -> Iterator[Shot]:
     """All pictures of a still or a clip."""
-    if path.suffix.lower() in (".mp4", ".mov", ".mkv"):
+    if is_clip(path):
         stream = decode.probe(path)
         return _clip_shots(stream, 0, stream.frames)
     return iter([_still_shot(path, None)])
 
 
-def plan(job: Job | ClipJob) -> Plan:
-    """What is to be seen of a job's source."""
-    if isinstance(job, Job):
-        rows, cols = still.read(job.source, job.transfer).pixels.shape[:2]
+def plan(request: Request) -> Plan:
+    """What is to be seen of a request's source."""
+    transfer, rate, on_damage = request.camera.transfer, request.input.frame_rate, request.input.on_damage
+    if not request.is_clip:
+        rows, cols = still.read(request.source, transfer).pixels.shape[:2]
 
         def one(path: Path, _: bool) -> Iterator[Shot]:
-            yield _still_shot(path, job.transfer)
+            yield _still_shot(path, transfer)
 
         return Plan(kind="still", rows=rows, cols=cols, rate=Fraction(1), first=0, last=1, times=(0.0,), reel=one)
-    stream = decode.probe(job.source, job.pictures_a_second, on_damage=job.on_damage)
-    first, last = clip_job.span(job, stream)
+    stream = decode.probe(request.source, rate, on_damage=on_damage)
+    first, last = frame_range(stream, request.input.range)
     turned = stream.rotation // 90 % 2
 
     def many(path: Path, whole: bool) -> Iterator[Shot]:
-        its = decode.probe(path, job.pictures_a_second, on_damage=job.on_damage)
+        its = decode.probe(path, rate, on_damage=on_damage)
         begin, end = (first, last) if whole and its.frames == stream.frames else (0, its.frames)
-        return _clip_shots(its, begin, end, transfer=job.transfer, on_damage=job.on_damage, turns=stream.rotation // 90)
+        return _clip_shots(its, begin, end, transfer=transfer, on_damage=on_damage, turns=stream.rotation // 90)
 
     return Plan(
         kind="clip",

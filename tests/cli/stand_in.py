@@ -28,5 +28,7 @@ def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, s
     )
 
 
-single_frame.restore = restore
-main()
+single_frame.restore = restore  # in the workers too, which import this file by its path
+
+if __name__ == "__main__":
+    main()
