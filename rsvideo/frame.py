@@ -33,14 +33,14 @@ class Frame:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameResult:
-    """All that a writer and a report need to know of one restored frame."""
+    """All that a writer and a report need of one restored frame."""
 
     frame: Frame
     timing: ShutterTiming
-    timing_source: str
-    trajectory: Trajectory  # at(timing.middle) is the origin
+    trajectory: Trajectory  # in image axes; at(timing.middle) is the origin
     latent: Float[np.ndarray, "rows cols channels"]  # linear light; the frame's own pixels where it was left as it was
     verdict: Verdict
     seconds: float
     convergence: tuple[float, ...] = ()  # the objective after each step towards the trajectory
-    psfs: Float[np.ndarray, "down across k k"] | None = None  # over a grid of the frame, where no trajectory tells them
+    psfs: Float[np.ndarray, "down across k k"] | None = None  # over a grid of the frame, where no trajectory implies them
+    timing_source: str = "explicit"  # where the timing comes from; solvers do not ask

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """A stage of the work, and how much of the whole is done."""
+    """A stage of the work, and how much of it is done."""
 
     stage: str
-    fraction: float  # of the whole work, 0 to 1
+    fraction: float  # 0 to 1: of that frame's work where a frame is named, else of the whole work
     frame: int | None = None  # the index of the frame that is worked on, in a clip
 
 

@@ -20,14 +20,15 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics import gyro
-from rsvideo.physics.camera import Intrinsics, lever
+from rsvideo.physics.camera import Camera, lever
 from rsvideo.physics.gyro import GyroLog, camera_from_gyro
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Spline, Trajectory, fit
-from rsvideo.restoration import multi_frame
-from rsvideo.restoration.camera_path import Path, blank, trusted
-from rsvideo.restoration.multi_frame import Movement, Run
-from rsvideo.restoration.single_frame import Known, intrinsics_along
+from rsvideo.restoration import clip_motion
+from rsvideo.restoration.camera_path import CameraPath, blank, trusted
+from rsvideo.restoration.clip_motion import Run
+from rsvideo.restoration.correction import ApproximatePath
+from rsvideo.restoration.movement import Movement
 
 SLOWEST = 0.025  # s between samples; a hand shakes at up to 20 Hz
 SLACK = 0.01  # s, by which a log may begin late or end early; a frame there moves as it does that much later or earlier
@@ -38,15 +39,18 @@ RIGHT_ANGLES = tuple(
     for axes in ["".join(sense(letter) for sense, letter in zip(senses, letters, strict=True))]
     if np.linalg.det(camera_from_gyro(axes)) > 0
 )
-HARDLY = 1.0  # px between frames, RMS; below, a clip's own motion tells nothing of a log's
+HARDLY = 1.0  # px between frames, RMS; below, a clip's motion does not place a log
 EXPLAINED = 0.6  # of that, which may remain
 ALIKE = 1.25  # times the best answer's residual, that another must exceed
 ANOTHER = 0.05  # s; offsets closer than this are one answer
 _POINTS = 40  # of a pair of frames
 _GRID = 5e-3  # s, between the offsets that are tried first
+_PRECISE = 1e-5  # s, to which they are then found
 _SMOOTH = 0.012  # s, a Gaussian's; faster motion is not shared by tracks and logs
-_CANDIDATES = 8
-_SCALE, _SHARE = 0.5, 0.1  # px, and of the points' own motion, beyond which a point counts less (Cauchy)
+_CANDIDATES = 8  # offsets of each set of axes that are tried
+_SAMPLES = 4  # of an exposure, over which a point's pose is averaged
+_RADIUS = 0.25  # of the frame's diagonal: how far from the middle roll is taken to move a point
+_SCALE, _SHARE = 0.5, 0.1  # px, and of the points' own motion, beyond which a point counts less (Cauchy); origin: by trial
 DRIFT, SHARE = 0.3, 0.05  # px a frame, and of a frame's motion, by which a log's path may be wrong
 
 
@@ -56,7 +60,7 @@ class Alignment:
 
     offset: float  # s, what the clip's time becomes the log's by adding
     axes: str  # the gyroscope's along the camera's right, down and forward; small letters for the opposite sense
-    residual: float  # px, how far points lie from where the log says they move to from frame to frame; the median
+    residual: float  # px, how far points lie from where the log moves them from frame to frame; the median
     moved: float  # px, the same without the log
     another: float  # px, the same with the next best answer; inf where there is none
     spread: float  # s, standard deviation of the offset
@@ -65,8 +69,7 @@ class Alignment:
 def movement(
     log: GyroLog,
     begins: Float[np.ndarray, " frames"],
-    timing: ShutterTiming,
-    intrinsics: Intrinsics,
+    camera: Camera,
     *,
     offset: float,
     axes: str = "XYZ",
@@ -75,59 +78,61 @@ def movement(
     """The motion of frames that begin at `begins` seconds of the clip, in image axes; `tied` as a clip's cuts have it."""
     if log.step > SLOWEST:
         raise ValueError(_slow(log))
+    timing, lens = camera.timing, camera.intrinsics
     log = gyro.facing(log, axes)
     check_cover(log, begins, timing, offset)
     tied = [*(True,) * (len(begins) - 1), False] if tied is None else list(tied)
     duration = timing.interval[1]
     starts = np.maximum(begins + offset, 0.0)
-    ways = [gyro.path(log, camera=intrinsics, start=min(float(t), log.times[-1] - duration), duration=duration) for t in starts]
+    paths = [gyro.path(log, camera=lens, start=min(float(t), log.times[-1] - duration), duration=duration) for t in starts]
     steps = np.zeros((len(begins), 3))
     for k in np.flatnonzero(tied):
         first, second = begins[k : k + 2] + offset + timing.middle
         between = max(2 * round(4 * (second - first) / log.step), 16)
         ends = gyro.integrate(log, start=float(first), duration=float(second - first), steps=between)[[0, -1]]
         turn = (Rotation.from_rotvec(ends[0]).inv() * Rotation.from_rotvec(ends[1])).as_rotvec()
-        steps[k] = gyro.poses_from_angles(turn[None], camera=intrinsics)[0]
-    return Movement(within=list(ways), steps=steps, tied=tied)
+        steps[k] = gyro.poses_from_angles(turn[None], camera=lens)[0]
+    return Movement(within=[*paths], steps=steps, tied=tied)
 
 
 def refined(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> Movement:
     """The log's motion corrected by what the points between the frames show, and by the frames' blur (`run` holds both)."""
-    plain = movement(log, run.begins, run.timing, run.intrinsics, offset=offset, axes=axes, tied=run.tied)
-    start = known(log, run, offset=offset, axes=axes)
+    interval = run.camera.timing.interval
+    plain = movement(log, run.begins, run.source_camera, offset=offset, axes=axes, tied=run.tied)
+    start = log_path(log, run, offset=offset, axes=axes)
     everywhere = np.ones(len(run.begins), bool)
-    found = multi_frame.sharpened(run, multi_frame.tracked(run, start), everywhere)
-    before, now = (multi_frame.told(path.spline, run.begins, run.timing, everywhere, run.tied) for path in (start, found))
-    t = np.linspace(*run.timing.interval, 129)
-    ways = []
+    found = clip_motion.refined_by_blur(run, clip_motion.path_from_tracks(run, start), everywhere)
+    before, now = (clip_motion.movement_of(run, path.spline, everywhere) for path in (start, found))
+    t = np.linspace(*interval, 129)
+    paths = []
     for fine, old, new in zip(plain.within, before.within, now.within, strict=True):
         assert fine is not None
         assert old is not None
         assert new is not None
         poses = fine.at(t)
         poses[:, : run.axes] += new.at(t) - old.at(t)
-        ways.append(gyro.spline_through(poses, duration=run.timing.interval[1], spacing=max(log.step / 2, t[1] * 2)))
+        paths.append(gyro.spline_through(poses, duration=interval[1], spacing=max(log.step / 2, t[1] * 2)))
     steps = plain.steps.copy()
     steps[:, : run.axes] += now.steps - before.steps
-    return Movement(within=ways, steps=steps, tied=run.tied)
+    return Movement(within=paths, steps=steps, tied=run.tied)
 
 
-def first(way: Trajectory) -> Known:
+def first(path: Trajectory) -> ApproximatePath:
     """A frame's motion from a log, as what the blind method begins with and corrects."""
-    return Known(trajectory=way, drift=DRIFT, share=SHARE)
+    return ApproximatePath(trajectory=path, drift=DRIFT, share=SHARE)
 
 
-def known(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> Path:
-    """The log's path over a run, along its scanlines, and how well it is known: a frame's motion to DRIFT px and its SHARE."""
-    log = gyro.facing(log, axes)
-    check_cover(log, run.begins, run.timing, offset)
-    path = blank(run.begins, run.timing, run.axes)
+def log_path(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> CameraPath:
+    """The log's path over a run, along its scanlines, and how precise it is: a frame's motion to DRIFT px and its SHARE."""
+    log, timing = gyro.facing(log, axes), run.camera.timing
+    check_cover(log, run.begins, timing, offset)
+    path = blank(run.begins, timing, run.axes)
     t = np.linspace(path.t0, path.t1, 8 * len(path.coefficients))
     angles = gyro.integrals(log)(np.clip(t + offset, 0, log.times[-1]))
-    poses = gyro.poses_from_angles(angles - angles[len(t) // 2], camera=run.intrinsics)[:, : run.axes]
-    found = fit(path, t, poses @ run.timing.direction.pose_from_scanlines[: run.axes, : run.axes])
+    poses = gyro.poses_from_angles(angles - angles[len(t) // 2], camera=run.source_camera.intrinsics)[:, : run.axes]
+    found = fit(path, t, run.direction.poses_along_scanlines(poses))
     assert isinstance(found, Spline)
-    return trusted(found, run.timing, run.intrinsics, drift=DRIFT, share=SHARE)
+    return trusted(found, run.camera, drift=DRIFT, share=SHARE)
 
 
 def aligned(
@@ -150,29 +155,12 @@ def aligned(
         moved = "no point could be followed" if sights is None else f"points move by {sights.moved:.2g} px from frame to frame"
         raise ValueError(f"the clip must move for a gyro log to be aligned with it, {moved}; give the log's offset and axes")
     turns = [axes] if axes else list(RIGHT_ANGLES)
-    opens, ends = float(run.begins[0]), float(run.begins[-1] + run.timing.interval[1])
-    widest = -opens - SLACK, float(log.times[-1]) - ends + SLACK
-    low, high = (max(widest[0], between[0]), min(widest[1], between[1])) if between else widest
-    if offset is None and low > high:
-        raise ValueError(
-            f"the gyro log must cover the {ends - opens:.3g} s of the clip that are looked at, it lasts {log.times[-1]:.4g} s"
-            + (f"; offsets are sought between {between[0]:g} and {between[1]:g} s" if between else "")
-        )
-    if offset is not None:
-        check_cover(log, run.begins, run.timing, offset)
-        tried = [(offset, turn) for turn in turns]
+    if offset is None:
+        reach = _sought(log, run, between)
+        answers = sorted(_refined(sights, tau, turn, reach) for tau, turn in _coarse(log, run, turns, *reach))
     else:
-        tried = _coarse(log, run, turns, low, high)
-    answers: list[tuple[float, float, str]] = []  # residual, offset, axes
-    for tau, turn in tried:
-        matrix = camera_from_gyro(turn)
-        if offset is None:
-            reach = (max(tau - 2 * _GRID, low), min(tau + 2 * _GRID, high))
-            options = {"xatol": 1e-5}
-            fine: Any = minimize_scalar(sights.disagreement, bounds=reach, args=(matrix,), method="bounded", options=options)
-            tau = float(fine.x)
-        answers.append((sights.residual(tau, matrix), tau, turn))
-    answers.sort()
+        check_cover(log, run.begins, run.camera.timing, offset)
+        answers = sorted((sights.residual(offset, camera_from_gyro(turn)), offset, turn) for turn in turns)
     best, tau, turn = answers[0]
     others = [a for a in answers[1:] if a[2] != turn or abs(a[1] - tau) > ANOTHER]
     another = others[0] if others else (np.inf, 0.0, "")
@@ -188,6 +176,28 @@ def aligned(
         )
     spread = sights.spread(tau, camera_from_gyro(turn), best)
     return Alignment(offset=tau, axes=turn, residual=best, moved=sights.moved, another=another[0], spread=spread)
+
+
+def _sought(log: GyroLog, run: Run, between: tuple[float, float] | None) -> tuple[float, float]:
+    """The offsets at which the log covers the run, of those `between` two; refuses a log that is too short for any."""
+    opens, ends = float(run.begins[0]), float(run.begins[-1] + run.camera.timing.interval[1])
+    low, high = -opens - SLACK, float(log.times[-1]) - ends + SLACK
+    if between:
+        low, high = max(low, between[0]), min(high, between[1])
+    if low > high:
+        raise ValueError(
+            f"the gyro log must cover the {ends - opens:.3g} s of the clip that are looked at, it lasts {log.times[-1]:.4g} s"
+            + (f"; offsets are sought between {between[0]:g} and {between[1]:g} s" if between else "")
+        )
+    return low, high
+
+
+def _refined(sights: "_Sights", tau: float, turn: str, reach: tuple[float, float]) -> tuple[float, float, str]:
+    """Residual, offset and axes at the best offset near `tau`."""
+    matrix, bounds = camera_from_gyro(turn), (max(tau - 2 * _GRID, reach[0]), min(tau + 2 * _GRID, reach[1]))
+    options = {"xatol": _PRECISE}
+    fine: Any = minimize_scalar(sights.disagreement, bounds=bounds, args=(matrix,), method="bounded", options=options)
+    return sights.residual(float(fine.x), matrix), float(fine.x), turn
 
 
 def _slow(log: GyroLog) -> str:
@@ -218,9 +228,9 @@ class _Sights:
 
     @classmethod
     def of(cls, run: Run, log: GyroLog) -> "_Sights | None":
-        camera, timing = intrinsics_along(run.intrinsics, run.timing), run.timing
-        poses = gyro.poses_from_angles(np.eye(3), camera=run.intrinsics) @ timing.direction.pose_from_scanlines  # along the scanlines
-        exposed = (np.arange(4) + 0.5) * timing.exposure / 4
+        lens, timing = run.camera.intrinsics, run.camera.timing
+        poses = run.direction.poses_along_scanlines(gyro.poses_from_angles(np.eye(3), camera=run.source_camera.intrinsics))
+        exposed = (np.arange(_SAMPLES) + 0.5) * timing.exposure / _SAMPLES
         parts = []
         for k, link in enumerate(run.links):
             if not len(link.before):
@@ -229,7 +239,7 @@ class _Sights:
             before, after = link.before[::every], link.after[::every]
             times = [run.begins[k + n] + p[:, 1:] * timing.row_time + exposed for n, p in enumerate((before, after))]
             middle = 0.5 * (before + after)
-            parts.append((*times, lever(camera, middle[:, 0], middle[:, 1], 3) @ poses.T, before - after))
+            parts.append((*times, lever(lens, middle[:, 0], middle[:, 1], 3) @ poses.T, before - after))
         if not parts:
             return None
         first, second, levers, displacements = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -242,7 +252,7 @@ class _Sights:
         return float(np.median(np.linalg.norm(self.displacements, axis=1)))
 
     def apart(self, offset: float, matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "points 2"]:
-        """How far points lie from where the log says."""
+        """How far points lie from where the log moves them."""
         before, after = (self.turned(np.clip(t + offset, 0.0, self.last)).mean(axis=1) for t in (self.first, self.second))
         return self.displacements - np.einsum("nca,na->nc", self.levers, (after - before) @ matrix.T)
 
@@ -267,25 +277,24 @@ def _coarse(log: GyroLog, run: Run, turns: Sequence[str], low: float, high: floa
 
     With rates w of the tracks and g of the log in px/s, sum |w|^2 - 2 w A g + |A g|^2 is what A leaves, by correlation at all offsets.
     """
-    path = multi_frame.tracked(run).spline
+    path, lens = clip_motion.path_from_tracks(run).spline, run.source_camera.intrinsics
     t = np.arange(path.t0, path.t1, _GRID)
-    way = path.at(t) @ run.timing.direction.pose_from_scanlines[: run.axes, : run.axes].T
-    w = np.gradient(gyro.angles_from_poses(way, camera=run.intrinsics), _GRID, axis=0)
+    w = np.gradient(gyro.angles_from_poses(run.direction.poses_in_image(path.at(t)), camera=lens), _GRID, axis=0)
     w = gaussian_filter1d(w, _SMOOTH / _GRID, axis=0)
     offsets = np.arange(low, high + _GRID, _GRID)
     at = t[0] + low + np.arange(len(t) + len(offsets) - 1) * _GRID
     sums = gyro.integrals(log)(np.clip(at, 0, log.times[-1]))
     g = gaussian_filter1d(np.gradient(sums, _GRID, axis=0), _SMOOTH / _GRID, axis=0)
-    radius = 0.25 * np.hypot(run.intrinsics.rows, run.intrinsics.cols)
-    size = np.array([run.intrinsics.fy, run.intrinsics.fx, radius if run.axes == 3 else 0.0]) ** 2  # px a radian, squared
+    radius = _RADIUS * np.hypot(lens.rows, lens.cols)
+    size = np.array([lens.fy, lens.fx, radius if run.axes == 3 else 0.0]) ** 2  # px a radian, squared
     spectra = [np.fft.rfft(rates.T, len(g)) for rates in (w, g)]
     both = np.fft.irfft(spectra[0].conj()[:, None] * spectra[1], len(g))[..., : len(offsets)]  # no shift wraps: g is so much longer
     energy = np.vstack([np.zeros(3), np.cumsum(g**2, axis=0)])
-    own = (energy[len(t) :] - energy[: -len(t)]).T
+    power = (energy[len(t) :] - energy[: -len(t)]).T
     found = []
     for turn in turns:
         matrix = camera_from_gyro(turn)
-        left = size @ (abs(matrix) @ own) - 2 * np.einsum("i,ij,ijt->t", size, matrix, both)
+        left = size @ (abs(matrix) @ power) - 2 * np.einsum("i,ij,ijt->t", size, matrix, both)
         for _ in range(_CANDIDATES):
             k = int(np.argmin(left))
             if not np.isfinite(left[k]):

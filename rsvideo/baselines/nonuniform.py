@@ -9,7 +9,7 @@ uniform kernel, which is found coarse to fine.
 
 import time
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -19,12 +19,11 @@ from jaxtyping import Float
 from numba import get_num_threads
 
 from rsvideo.baselines import uniform
-from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Intrinsics, turned
-from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tiles import Tile
-from rsvideo.restoration import nonblind, single_frame
+from rsvideo.restoration import nonblind
 from rsvideo.restoration.blind_kernel import (
     KernelSettings,
     Observation,
@@ -34,17 +33,22 @@ from rsvideo.restoration.blind_kernel import (
     simplex_program,
     strong_gradients,
 )
-from rsvideo.restoration.single_frame import Settings, View
-from rsvideo.restoration.sparsity import Scene
+from rsvideo.restoration.scanlines import View
+from rsvideo.restoration.scene import Scene, scene_of
+from rsvideo.restoration.settings import Settings
 
 DOWN, ACROSS = 3, 4  # patches, each overlapping its neighbours by half
+FARTHEST_PATCH = 0.7  # of the frame's half diagonal: no patch's middle lies farther from the frame's
 ROLL_STEP = 1.0  # px at the frame's corner between neighbouring rolls
 ROLL_REACH = 6  # rolls on either side of none
 LARGEST = 800  # px; a larger frame's density is estimated on a smaller picture
 TOLERANCE = 0.25  # px, a tile's error at its edge
 MOST = 1000  # poses whose weights are sought at once
+LIKELY = 1.0  # poses, of the Gaussian by which poses next to the density are ranked
 GRID = 3  # PSFs down and across that are reported
-DENSITY = KernelSettings(ridge=0.1, sparsity=1.0, last_sparsity=0.5, finest_steps=6, floor=0.03)
+DENSITY = KernelSettings(  # origin: by trial
+    ridge=0.1, sparsity=1.0, last_sparsity=0.5, finest_steps=6, floor=0.03
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,44 +69,41 @@ class Density:
         return self.weights[np.nonzero(self.weights)]
 
 
-def restored(
-    frame: Frame, timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings, *, timing_source: str = "explicit"
-) -> FrameResult:
-    """The latent image of `frame` under one density of poses."""
+def restored(view: View, settings: Settings) -> FrameResult:
+    """The latent image of a frame under one density of poses."""
     started = time.monotonic()
-    view = single_frame.along_scanlines(frame, timing, intrinsics)
-    scene = single_frame.observed(view.frame, view.timing, view.intrinsics, settings)
+    scene = scene_of(view, settings)
     latent = psfs = None
     verdict = uniform.verdict_before(scene)
     if verdict is Verdict.RESTORED:
         full = min(1.0, LARGEST / max(scene.frame.shape))
         kernel = fitted(_resized(scene.frame, full), uniform.SIZES, uniform.KERNELS)
         density = estimate(scene, full, kernel)
-        psfs = grid(density, view.intrinsics)
+        psfs = grid(density, view.camera.intrinsics)
         latent = uniform.solved(tiled_frame(view, density), settings, view.noise)
-    return uniform.finished(frame, timing, timing_source, latent, psfs, verdict, started)
+    return uniform.finished(view, latent, psfs, verdict, started)
 
 
 def estimate(scene: Scene, full: float, kernel: Float[np.ndarray, "k k"]) -> Density:
     """The density of the frame, grown from the uniform kernel of the frame at scale `full`: each alternation frees the poses around."""
-    camera = _scaled(scene.intrinsics, full)
+    lens = _scaled(scene.camera.intrinsics, full)
     weights = np.zeros((2 * ROLL_REACH + 1, *kernel.shape), np.float32)
     weights[ROLL_REACH] = kernel
-    start = Density(weights=weights, roll_step=ROLL_STEP / float(np.hypot(camera.cols, camera.rows) / 2))
+    start = Density(weights=weights, roll_step=ROLL_STEP / float(np.hypot(lens.cols, lens.rows) / 2))
     with ThreadPoolExecutor(get_num_threads()) as pool:
-        density = refined(_resized(scene.frame, full), camera, start, pool)
+        density = refined(_resized(scene.frame, full), lens, start, pool)
     return resampled(density, 1 / full, 1.0, 1) if full < 1 else density
 
 
-def refined(image: Float[np.ndarray, "rows cols"], camera: Intrinsics, density: Density, pool: ThreadPoolExecutor) -> Density:
+def refined(image: Float[np.ndarray, "rows cols"], lens: Intrinsics, density: Density, pool: ThreadPoolExecutor) -> Density:
     """The density after some alternations with the patches' sharp gradients."""
-    patches = _patches(camera, density)
-    seen = list(pool.map(lambda p: observation(np.ascontiguousarray(image[p.rows, p.cols]), p.size), patches))
+    patches = _patches(lens, density)
+    observations = list(pool.map(lambda p: observation(np.ascontiguousarray(image[p.rows, p.cols]), p.size), patches))
     steps, fall = DENSITY.finest_steps, DENSITY.last_sparsity / DENSITY.sparsity
     for step in range(steps):
         share = DENSITY.sparsity * fall ** ((step + 1) / steps)
         free = _near(density)
-        maps = [kernels_from(free, camera, p.x, p.y, p.size) for p in patches]
+        maps = [kernels_from(free, lens, p.x, p.y, p.size) for p in patches]
         start = density.weights[np.nonzero(free.weights)]
 
         def system(one: tuple[Patch, Observation, scipy.sparse.csr_array], share: float = share, start: np.ndarray = start) -> tuple:
@@ -112,7 +113,7 @@ def refined(image: Float[np.ndarray, "rows cols"], camera: Intrinsics, density: 
             A, c, zero = correlations(observed.gradients, edges, patch.size)
             return B.T @ (B.T @ A).T, B.T @ c, zero  # A is symmetric
 
-        parts = list(pool.map(system, zip(patches, seen, maps, strict=True)))
+        parts = list(pool.map(system, zip(patches, observations, maps, strict=True)))
         Q, c, zero = sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)
         Q, c = np.asarray(Q, np.float32) / np.float32(zero), np.asarray(c, np.float32) / np.float32(zero)
         Q[np.diag_indices(len(Q))] += DENSITY.ridge
@@ -133,23 +134,23 @@ class Patch:
     size: int  # of its kernel
 
 
-def _patches(camera: Intrinsics, density: Density) -> list[Patch]:
+def _patches(lens: Intrinsics, density: Density) -> list[Patch]:
     rolls, size, _ = density.weights.shape
-    turn = (rolls // 2) * density.roll_step * float(np.hypot(camera.rows, camera.cols)) / 2
-    side = size + 2 * int(np.ceil(0.7 * turn)) + 2  # patches' middles lie within 0.7 of the half diagonal
+    turn = (rolls // 2) * density.roll_step * float(np.hypot(lens.rows, lens.cols)) / 2
+    side = size + 2 * int(np.ceil(FARTHEST_PATCH * turn)) + 2
     spans = []
-    for length, count in ((camera.rows, DOWN), (camera.cols, ACROSS)):
+    for length, count in ((lens.rows, DOWN), (lens.cols, ACROSS)):
         extent = min(length, max(round(2 * length / (count + 1)), 2 * side))
         spans.append([slice(int(a), int(a) + extent) for a in np.linspace(0, length - extent, count)])
     middle = lambda s: (s.start + s.stop - 1) / 2  # noqa: E731
     return [Patch(rows=r, cols=c, x=middle(c), y=middle(r), size=side) for r in spans[0] for c in spans[1]]
 
 
-def kernels_from(density: Density, camera: Intrinsics, x: float, y: float, size: int) -> scipy.sparse.csr_array:
+def kernels_from(density: Density, lens: Intrinsics, x: float, y: float, size: int) -> scipy.sparse.csr_array:
     """B: from the weights of the density's poses to the kernel at pixel (x, y), by bilinear splats."""
     poses = density.poses()
     count = len(poses)
-    moved = turned(camera, np.full(count, x), np.full(count, y), poses)
+    moved = turned(lens, np.full(count, x), np.full(count, y), poses)
     at = np.clip(size // 2 - moved, 0, size - 1.001)  # what a pixel samples at +d blurs towards -d
     first = np.floor(at).astype(int)
     part = at - first
@@ -162,17 +163,17 @@ def kernels_from(density: Density, camera: Intrinsics, x: float, y: float, size:
     return scipy.sparse.csr_array((np.concatenate(values).astype(np.float32), (np.concatenate(rows), columns)), shape=(size * size, count))
 
 
-def grid(density: Density, camera: Intrinsics) -> Float[np.ndarray, "down across k k"]:
+def grid(density: Density, lens: Intrinsics) -> Float[np.ndarray, "down across k k"]:
     """The kernels over the frame."""
-    size = _patches(camera, density)[0].size
-    xs, ys = ((np.arange(GRID) + 0.5) * n / GRID - 0.5 for n in (camera.cols, camera.rows))
+    size = _patches(lens, density)[0].size
+    xs, ys = ((np.arange(GRID) + 0.5) * n / GRID - 0.5 for n in (lens.cols, lens.rows))
     values = density.values()
-    return np.array([[(kernels_from(density, camera, x, y, size) @ values).reshape(size, size) for x in xs] for y in ys])
+    return np.array([[(kernels_from(density, lens, x, y, size) @ values).reshape(size, size) for x in xs] for y in ys])
 
 
 def tiled_frame(view: View, density: Density) -> nonblind.TiledFrame:
     """The frame whose scanlines sample the latent image in all poses of the density."""
-    rows, cols = view.frame.pixels.shape[:2]
+    rows, cols = view.pixels.shape[:2]
     poses, values = density.poses(), density.values()
     turn = float(np.ptp(poses[:, 2]))
     count = int(np.clip(np.ceil(cols * turn / (4 * TOLERANCE)), 1, max(1, cols // tiles.NARROWEST)))
@@ -181,10 +182,10 @@ def tiled_frame(view: View, density: Density) -> nonblind.TiledFrame:
     y = np.broadcast_to(np.arange(rows, dtype=float)[:, None], shape)
 
     def samples(tile: Tile) -> tuple[np.ndarray, np.ndarray]:
-        return turned(view.intrinsics, np.full(shape, tile.middle), y, everywhere), weights
+        return turned(view.camera.intrinsics, np.full(shape, tile.middle), y, everywhere), weights
 
     cut = tiles.split(cols, count, nonblind.OVERLAP)
-    return nonblind.tiled_from(cut, samples, view.frame.pixels, view.frame.clipped)
+    return nonblind.tiled_from(cut, samples, view.pixels, view.clipped)
 
 
 def resampled(density: Density, ratio: float, roll_ratio: float, ring: int) -> Density:
@@ -200,7 +201,7 @@ def _near(density: Density) -> Density:
     """1 at the poses that have a weight, and next to them as long as they are not too many."""
     held = density.weights > 0
     near = scipy.ndimage.binary_dilation(held, np.ones((3, 3, 3)))
-    likely = np.where(held, 1, scipy.ndimage.gaussian_filter(density.weights, 1.0)) * near
+    likely = np.where(held, 1, scipy.ndimage.gaussian_filter(density.weights, LIKELY)) * near
     if np.count_nonzero(likely) > MOST:
         likely *= likely >= np.partition(likely, -MOST, axis=None)[-MOST]
     return Density(weights=(likely > 0).astype(np.float32), roll_step=density.roll_step)
@@ -219,11 +220,11 @@ def _resized(image: Float[np.ndarray, "rows cols"], scale: float) -> Float[np.nd
     return image if scale == 1 else cv2.resize(image, _size(image.shape, scale)[::-1], interpolation=cv2.INTER_AREA)
 
 
-def _scaled(camera: Intrinsics, scale: float) -> Intrinsics:
-    rows, cols = _size((camera.rows, camera.cols), scale)
-    sy, sx = rows / camera.rows, cols / camera.cols
-    return Intrinsics(
-        fx=camera.fx * sx, fy=camera.fy * sy, cx=(camera.cx + 0.5) * sx - 0.5, cy=(camera.cy + 0.5) * sy - 0.5, rows=rows, cols=cols
+def _scaled(lens: Intrinsics, scale: float) -> Intrinsics:
+    rows, cols = _size((lens.rows, lens.cols), scale)
+    sy, sx = rows / lens.rows, cols / lens.cols
+    return replace(
+        lens, fx=lens.fx * sx, fy=lens.fy * sy, cx=(lens.cx + 0.5) * sx - 0.5, cy=(lens.cy + 0.5) * sy - 0.5, rows=rows, cols=cols
     )
 
 

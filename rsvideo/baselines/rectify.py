@@ -1,12 +1,12 @@
-"""Rolling-shutter rectification of a clip, after Forssen and Ringaby (CVPR 2010): every row put where a global shutter had seen it.
+"""Rolling-shutter rectification of a clip, after Forssen and Ringaby (CVPR 2010): every row put where a global shutter would show it.
 
 The motion comes from points that are tracked between frames, each at its own row's time, and is one continuous spline; blur is
-neither looked at nor removed. Different from the paper: the spline holds rotation vectors; a prior on a hand's motion, in place of
-few knots, says what no point tells; and what points do beyond the path (parallax, things that move) is put right too.
+neither measured nor removed. Different from the paper: the spline holds rotation vectors; a prior on a hand's motion, in place of
+few knots, settles what no point shows; and what points do beyond the path (parallax, things that move) is put right too.
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import cv2
@@ -14,76 +14,63 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics.camera import Intrinsics, turned
-from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.camera import Camera, turned
+from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory, still
-from rsvideo.restoration import multi_frame
-from rsvideo.restoration.multi_frame import Movement
+from rsvideo.progress import Observer, ignore
+from rsvideo.restoration import clip_motion, scanlines
+from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.single_frame import Settings, intrinsics_along
+from rsvideo.restoration.scanlines import View
+from rsvideo.restoration.settings import Settings
 
 STILL = 0.05  # px; a frame of which no pixel moves farther is left as it was
-_SAMPLES = 16  # of a row's exposure
+_SAMPLES = 16  # of a row's exposure, over which its pose is averaged
 _NODES = 16  # px between the columns whose pixels are followed exactly; at 20 px of motion those between are off by 0.001 px
 _CLOSE = 1e-3  # px
 _ROUNDS = 40  # of the fixed point; a row that moves by 0.5 px while the next is read still needs 10
 
 
-def movement(
-    frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings, observe: Callable[[int], None]
-) -> Movement:
-    """The motion that tracked points alone show; `observe` is told of each frame taken in."""
-    run = multi_frame.seen(frames, timing, intrinsics, settings, observe, blur=False)
-    if not run.known.any():
-        return multi_frame.unknown(len(run.begins), run.axes)
-    path = multi_frame.tracked(run)
-    return replace(multi_frame.told(path.spline, run.begins, timing, run.known, run.tied), flows=multi_frame.own(run, path))
+def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore) -> Movement:
+    """The motion that tracked points alone show, in image axes, and what the points do beyond it."""
+    run = clip_motion.gather(frames, camera, settings, observe, blur=False)
+    if not run.followed.any():
+        return Movement.unfollowed(len(run.begins), run.axes)
+    path = clip_motion.path_from_tracks(run)
+    return replace(clip_motion.movement_of(run, path.spline, run.followed), flows=clip_motion.flows_beside(run, path))
 
 
-def rectified(frame: Frame, way: Trajectory, timing: ShutterTiming, intrinsics: Intrinsics, *, flow: Flow | None = None) -> Frame:
-    """The frame as a global shutter had seen it at the pose of the middle of its interval (Lanczos, in linear light).
+def rectified(view: View, path: Trajectory, *, flow: Flow | None = None) -> View:
+    """The frame as a global shutter shows it at the pose of the middle of its interval (Lanczos, in linear light).
 
     What lies beyond the frame repeats its outermost pixels, streaked where the frame is moved inwards, and counts as clipped.
+    `path` and `flow` are along the scanlines.
     """
-    if timing.row_time == 0:
-        return frame
-    return _resampled(frame, _sources(way, flow, timing, intrinsics), timing.direction)
+    return view if view.camera.timing.row_time == 0 else _resampled(view, _sources(path, flow, view.camera))
 
 
-def restored(
-    frame: Frame,
-    way: Trajectory | None,
-    timing: ShutterTiming,
-    intrinsics: Intrinsics,
-    *,
-    flow: Flow | None = None,
-    timing_source: str = "explicit",
-) -> FrameResult:
-    """What becomes of a frame by rectification alone; one without a way, or that hardly moves, is left as it was."""
-    return straightened(frame, way, timing, intrinsics, flow=flow, timing_source=timing_source)[0]
+def restored(view: View, path: Trajectory | None, *, flow: Flow | None = None) -> FrameResult:
+    """What becomes of a frame by rectification alone; one without a path, or that hardly moves, is left as it was."""
+    return straightened(view, path, flow=flow)[0]
 
 
-def straightened(
-    frame: Frame, way: Trajectory | None, timing: ShutterTiming, intrinsics: Intrinsics, *, flow: Flow | None, timing_source: str
-) -> tuple[FrameResult, Frame]:
-    """The same, and the frame to go on with, which knows where it is clipped."""
-    started = time.monotonic()
-    verdict, seen = Verdict.NO_TEXTURE if way is None else Verdict.SHARP, frame
-    if way is not None and timing.row_time > 0:
-        sources = _sources(way, flow, timing, intrinsics)
+def straightened(view: View, path: Trajectory | None, *, flow: Flow | None = None) -> tuple[FrameResult, View]:
+    """The same, and the frame to go on with: rectified, with a global shutter."""
+    started, timing = time.monotonic(), view.camera.timing
+    verdict, straight = Verdict.NO_TEXTURE if path is None else Verdict.SHARP, view
+    if path is not None and timing.row_time > 0:
+        sources = _sources(path, flow, view.camera)
         rows, cols = sources.shape[:2]
         if max(np.abs(sources[..., 0] - np.arange(cols)).max(), np.abs(sources[..., 1] - np.arange(rows)[:, None]).max()) > STILL:
-            verdict, seen = Verdict.RESTORED, _resampled(frame, sources, timing.direction)
-    result = FrameResult(
-        frame=frame,
-        timing=timing,
-        timing_source=timing_source,
-        trajectory=still(timing.interval, degree=1, axes=2) if way is None else way,
-        latent=seen.pixels,
+            verdict, straight = Verdict.RESTORED, _resampled(view, sources)
+    result = scanlines.result(
+        view,
+        trajectory=still(timing.interval, degree=1, axes=2) if path is None else path,
         verdict=verdict,
+        latent=straight.pixels if verdict is Verdict.RESTORED else None,
         seconds=time.monotonic() - started,
     )
-    return result, seen
+    return result, replace(straight, camera=replace(view.camera, timing=after(timing)))
 
 
 def after(timing: ShutterTiming) -> ShutterTiming:
@@ -91,29 +78,27 @@ def after(timing: ShutterTiming) -> ShutterTiming:
     return replace(timing, row_time=0.0)
 
 
-def _sources(way: Trajectory, flow: Flow | None, timing: ShutterTiming, intrinsics: Intrinsics) -> Float32[np.ndarray, "scanlines along 2"]:
-    """Where the frame, along its scanlines, shows each pixel of the rectified one.
+def _sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.ndarray, "scanlines along 2"]:
+    """Where the frame shows each pixel of the rectified one.
 
     Pixel q of the scanline r(q) shows q + w(q; p) with the mean pose p of that scanline's exposure, relative to the pose of the
     middle. Of a rectified pixel X it is q = X + w(X; -p(r(q))) + t(r(q)) u(X), the fixed point of taking r from the last q; t is
-    the scanline's time from the middle, and u the velocity that points have of their own.
+    the scanline's time from the middle, and u the velocity of points beyond the path.
     """
-    camera = intrinsics_along(intrinsics, timing)
-    axes = way.coefficients.shape[1]
-    turn = timing.direction.pose_from_scanlines[:axes, :axes]
-    poses = (way.at(timing.sample_times(_SAMPLES)).mean(axis=1) - way.at(np.array([timing.middle]))) @ turn
-    columns = np.unique(np.r_[np.arange(0, camera.cols, _NODES), camera.cols - 1])
-    x, y = np.meshgrid(columns.astype(float), np.arange(camera.rows, dtype=float))
+    timing, lens = camera.timing, camera.intrinsics
+    poses = path.at(timing.sample_times(_SAMPLES)).mean(axis=1) - path.at(np.array([timing.middle]))
+    columns = np.unique(np.r_[np.arange(0, lens.cols, _NODES), lens.cols - 1])
+    x, y = np.meshgrid(columns.astype(float), np.arange(lens.rows, dtype=float))
     at = home = np.stack([x, y], axis=-1)
-    own = _everywhere(flow, columns, camera.rows) if flow else np.zeros((1, 1, 2))
+    drift = _everywhere(flow, columns, lens.rows) if flow else np.zeros((1, 1, 2))
     for _ in range(_ROUNDS):
         scanline = np.clip(at[..., 1], 0, timing.rows - 1)
         pose = np.stack([np.interp(scanline, np.arange(timing.rows), p) for p in poses.T], axis=-1)
         when = scanline * timing.row_time + timing.exposure / 2 - timing.middle
-        last, at = at, home + turned(camera, x, y, -pose) + when[..., None] * own
+        last, at = at, home + turned(lens, x, y, -pose) + when[..., None] * drift
         if np.abs(at - last).max() < _CLOSE:
             break
-    every = np.arange(camera.cols)
+    every = np.arange(lens.cols)
     low = np.clip(np.searchsorted(columns, every, side="right") - 1, 0, max(len(columns) - 2, 0))
     high = np.minimum(low + 1, len(columns) - 1)
     share = ((every - columns[low]) / np.maximum(columns[high] - columns[low], 1))[:, None]
@@ -127,14 +112,10 @@ def _everywhere(flow: Flow, columns: np.ndarray, rows: int) -> Float[np.ndarray,
     return np.stack([np.interp(np.arange(rows), some, column) for column in nodes.T], axis=1).reshape(rows, len(columns), 2)
 
 
-def _resampled(frame: Frame, sources: Float[np.ndarray, "scanlines along 2"], direction: Direction) -> Frame:
-    pixels = np.ascontiguousarray(direction.scanlines(frame.pixels), np.float32)
-    clipped = np.ascontiguousarray(direction.scanlines(frame.clipped), np.float32)
+def _resampled(view: View, sources: Float[np.ndarray, "rows cols 2"]) -> View:
+    """The frame with each pixel taken from its place in `sources` (Lanczos, in linear light)."""
     x, y = np.ascontiguousarray(sources[..., 0]), np.ascontiguousarray(sources[..., 1])
-    seen = cv2.remap(pixels, x, y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE).reshape(pixels.shape)
+    clipped = view.clipped.astype(np.float32)
+    pixels = cv2.remap(view.pixels, x, y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE).reshape(view.pixels.shape)
     beyond = cv2.remap(clipped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(1.0,) * 4).reshape(clipped.shape)
-    return replace(
-        frame,
-        pixels=np.ascontiguousarray(direction.image(np.clip(seen, 0, 1))),
-        clipped=np.ascontiguousarray(direction.image(beyond > 0)),
-    )
+    return replace(view, pixels=np.clip(pixels, 0, 1), clipped=beyond > 0)

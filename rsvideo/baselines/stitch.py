@@ -16,16 +16,19 @@ from jaxtyping import Float
 from numba import get_num_threads
 
 from rsvideo.baselines import uniform
-from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.restoration import single_frame
+from rsvideo.frame import FrameResult, Verdict
+from rsvideo.physics.luminance import luminance
 from rsvideo.restoration.blind_kernel import fitted
-from rsvideo.restoration.single_frame import Settings, View
-from rsvideo.restoration.sparsity import Scene
+from rsvideo.restoration.scanlines import View
+from rsvideo.restoration.scene import Scene, gradient_power, scene_of, windowed
+from rsvideo.restoration.settings import Settings
 
 SHORTEST = 24  # scanlines a block must have
+SHARE = 3  # blocks that lie below each other without overlap, by default: a third of the frame each
 CONTEXT = 24  # scanlines restored beyond a block on either side and its kernel, so that nothing rings
 REFINEMENTS = 6  # Gauss-Newton steps of an alignment, and once more with outliers weighted down
+OUTLIER = 4  # times the typical squared difference, at which a pixel counts half
+WANDERED = 2  # px; a refinement that leads farther from its start is not believed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,44 +39,42 @@ class Block:
     last: int
     kernel: Float[np.ndarray, "k k"]
 
-    def seen(self, rows: int) -> slice:
+    def surroundings(self, rows: int) -> slice:
         """The scanlines it is restored with."""
         beyond = CONTEXT + len(self.kernel) // 2
         return slice(max(0, self.first - beyond), min(rows, self.last + beyond))
 
 
-def restored(
-    frame: Frame, timing: ShutterTiming, settings: Settings, *, block_rows: int | None = None, timing_source: str = "explicit"
-) -> FrameResult:
-    """The latent image of `frame` from blocks of `block_rows` scanlines that overlap by half, a third of them by default."""
+def restored(view: View, settings: Settings, *, block_rows: int | None = None) -> FrameResult:
+    """The latent image of a frame from blocks of `block_rows` scanlines that overlap by half, a third of them by default."""
     if block_rows is not None and block_rows < SHORTEST:
         raise ValueError(
             f"block_rows must be at least {SHORTEST} scanlines, got {block_rows}; a shorter block has too few edges for a kernel"
         )
     started = time.monotonic()
-    view, scene = uniform.seen(frame, timing, settings)
+    scene = scene_of(view, settings)
     latent = psfs = None
     verdict = uniform.verdict_before(scene)
     if verdict is Verdict.RESTORED:
         blocks = with_kernels(scene, split(len(scene.frame), block_rows))
         psfs = _side_by_side(blocks)
         latent = stitched(view, blocks, settings)
-    return uniform.finished(frame, timing, timing_source, latent, psfs, verdict, started)
+    return uniform.finished(view, latent, psfs, verdict, started)
 
 
 def split(rows: int, block_rows: int | None) -> list[tuple[int, int]]:
     """Blocks of equal height over all scanlines, neighbours overlapping by about half."""
-    height = min(rows, max(SHORTEST, round(rows / 3)) if block_rows is None else block_rows)
+    height = min(rows, max(SHORTEST, round(rows / SHARE)) if block_rows is None else block_rows)
     count = 1 + -(-2 * (rows - height) // height)
     return [(first, first + height) for first in np.linspace(0, rows - height, count).round().astype(int).tolist()]
 
 
 def with_kernels(scene: Scene, spans: list[tuple[int, int]]) -> list[Block]:
     """The blocks' kernels; one too poor in texture has that of the nearest block that is not."""
-    part = single_frame.windowed(scene, single_frame.WINDOW_COLS).frame
+    part = windowed(scene).frame
     images = [np.ascontiguousarray(part[first:last]) for first, last in spans]
-    power = [float((np.diff(image, axis=1) ** 2).mean() + (np.diff(image, axis=0) ** 2).mean()) for image in images]
-    floor = min(max(1e-7, 8 * scene.noise**2), max(power))
+    power = [gradient_power(image) for image in images]
+    floor = min(scene.least_texture, max(power))
     rich = [i for i, p in enumerate(power) if p >= floor]
     with ThreadPoolExecutor(get_num_threads()) as pool:
         kernels = dict(zip(rich, pool.map(lambda i: fitted(images[i], uniform.SIZES, uniform.KERNELS), rich), strict=True))
@@ -84,11 +85,11 @@ def with_kernels(scene: Scene, spans: list[tuple[int, int]]) -> list[Block]:
 def stitched(view: View, blocks: list[Block], settings: Settings) -> Float[np.ndarray, "rows cols channels"]:
     """Every block restored, moved onto its neighbours, and blended by weights that fall linearly to its ends.
 
-    The place of the whole, which nothing tells, is that of the block in the middle.
+    The place of the whole, which nothing determines, is that of the block in the middle.
     """
-    pixels, clipped = view.frame.pixels, view.frame.clipped
+    pixels, clipped = view.pixels, view.clipped
     rows = len(pixels)
-    spans = [block.seen(rows) for block in blocks]
+    spans = [block.surroundings(rows) for block in blocks]
     latents = [
         uniform.deconvolved(pixels[span], clipped[span], block.kernel, settings, view.noise)
         for span, block in zip(spans, blocks, strict=True)
@@ -96,19 +97,16 @@ def stitched(view: View, blocks: list[Block], settings: Settings) -> Float[np.nd
     steps = [np.zeros(2)]
     for (above, one, a), (below, other, b) in pairwise(zip(spans, latents, blocks, strict=True)):
         common = slice(below.start, above.stop)
-        parts = [
-            single_frame.luminance(part[common.start - span.start : common.stop - span.start])
-            for span, part in ((above, one), (below, other))
-        ]
+        parts = [luminance(part[common.start - span.start : common.stop - span.start]) for span, part in ((above, one), (below, other))]
         steps.append(displacement(parts[0], parts[1], max(len(a.kernel), len(b.kernel)) / 2))
     shifts = np.cumsum(steps, axis=0)
     shifts -= shifts[len(blocks) // 2]
     image, total = np.zeros_like(pixels), np.zeros((rows, 1, 1), np.float32)
     for span, latent, block, shift in zip(spans, latents, blocks, shifts, strict=True):
-        own = np.arange(block.first, block.last)
-        weight = np.minimum(own - block.first + 1, block.last - own).astype(np.float32)[:, None, None]
-        image[own] += weight * moved(latent, -shift)[own - span.start]
-        total[own] += weight
+        lines = np.arange(block.first, block.last)
+        weight = np.minimum(lines - block.first + 1, block.last - lines).astype(np.float32)[:, None, None]
+        image[lines] += weight * moved(latent, -shift)[lines - span.start]
+        total[lines] += weight
     return image / total
 
 
@@ -128,11 +126,11 @@ def displacement(one: Float[np.ndarray, "rows cols"], other: Float[np.ndarray, "
         difference = moved(other, -shift) - one
         if step == REFINEMENTS:
             power = window * (gx * gx + gy * gy)
-            weight = window / (1 + difference**2 / (4 * (power * difference**2).sum() / (power.sum() + 1e-12) + 1e-8))
+            weight = window / (1 + difference**2 / (OUTLIER * (power * difference**2).sum() / (power.sum() + 1e-12) + 1e-8))
         normal = np.array([[(weight * a * b).sum() for b in (gx, gy)] for a in (gx, gy)])
         right = np.array([(weight * a * difference).sum() for a in (gx, gy)])
         shift = shift - np.linalg.solve(normal + (1e-6 * np.trace(normal) + 1e-9) * np.eye(2), right)
-    return shift if np.abs(shift - best).max() < 2 else best
+    return shift if np.abs(shift - best).max() < WANDERED else best
 
 
 def moved(image: np.ndarray, shift: Float[np.ndarray, "2"]) -> np.ndarray:

@@ -9,60 +9,50 @@ import time
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics import tiles
-from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import still
-from rsvideo.restoration import nonblind, psf_fit, single_frame
+from rsvideo.restoration import nonblind, psf_fit, scanlines, search
 from rsvideo.restoration.blind_kernel import FULL, SIZES, KernelSettings, border_share, fitted
-from rsvideo.restoration.single_frame import Settings, View
-from rsvideo.restoration.sparsity import Scene
+from rsvideo.restoration.scanlines import View
+from rsvideo.restoration.scene import Scene, scene_of, windowed
+from rsvideo.restoration.settings import Settings
 
-KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be told more sharply than a strip's
+KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be found more sharply than a strip's; by trial on 16 of Levin's
     ridge=0.002, sparsity=1.0, last_sparsity=0.3, finest_steps=10, floor=0.02, piece=0.1, border=True
 )
 
 
-def restored(frame: Frame, timing: ShutterTiming, settings: Settings, *, timing_source: str = "explicit") -> FrameResult:
-    """The latent image of `frame` under one kernel; where that is no blur, or nothing tells it, the frame as it was."""
+def restored(view: View, settings: Settings) -> FrameResult:
+    """The latent image of a frame under one kernel; where that is no blur, or nothing shows it, the frame as it was."""
     started = time.monotonic()
-    view, scene = seen(frame, timing, settings)
+    scene = scene_of(view, settings)
     latent = psfs = None
-    verdict, kernel = _looked_at(scene)
+    verdict, kernel = _first_kernel(scene)
     if verdict is Verdict.RESTORED:
         if border_share(kernel) >= FULL and SIZES[1:]:
-            kernel = fitted(single_frame.windowed(scene, single_frame.WINDOW_COLS).frame, SIZES[1:], KERNELS)
+            kernel = fitted(windowed(scene).frame, SIZES[1:], KERNELS)
         psfs = kernel[None, None]
-        latent = deconvolved(view.frame.pixels, view.frame.clipped, psfs[0, 0], settings, view.noise)
-    return finished(frame, timing, timing_source, latent, psfs, verdict, started)
-
-
-def seen(frame: Frame, timing: ShutterTiming, settings: Settings) -> tuple[View, Scene]:
-    """The frame along its scanlines, and its luminance as kernels are estimated from it."""
-    rows, cols = frame.pixels.shape[:2]
-    view = single_frame.along_scanlines(
-        frame, timing, Intrinsics.centred(focal=float(max(rows, cols)), rows=rows, cols=cols)
-    )  # shifts know no lens
-    return view, single_frame.observed(view.frame, view.timing, view.intrinsics, settings)
+        latent = deconvolved(view.pixels, view.clipped, psfs[0, 0], settings, view.noise)
+    return finished(view, latent, psfs, verdict, started)
 
 
 def verdict_before(scene: Scene) -> Verdict:
     """Whether there is texture to measure blur by, and blur."""
-    return _looked_at(scene)[0]
+    return _first_kernel(scene)[0]
 
 
-def _looked_at(scene: Scene) -> tuple[Verdict, Float[np.ndarray, "k k"]]:
+def _first_kernel(scene: Scene) -> tuple[Verdict, Float[np.ndarray, "k k"]]:
     """The same, and the frame's kernel at the smallest size.
 
-    Sharp frames are seen as such by strips' settings or by those of a whole frame, seldom by both.
+    A sharp frame has a short kernel by the settings of strips or by those of a whole frame, seldom by both.
     """
-    if scene.gradient_power < max(1e-7, 8 * scene.noise**2):
+    if not scene.textured:
         return Verdict.NO_TEXTURE, np.ones((1, 1), np.float32)
-    part = single_frame.windowed(scene, single_frame.WINDOW_COLS).frame
-    strips_own, kernel = (fitted(part, SIZES[:1], settings) for settings in (KernelSettings(), KERNELS))
-    sharp = min(psf_fit.length(strips_own), psf_fit.length(kernel)) < single_frame.SHARP_KERNEL
+    part = windowed(scene).frame
+    as_strip, kernel = (fitted(part, SIZES[:1], settings) for settings in (KernelSettings(), KERNELS))
+    sharp = min(psf_fit.length(as_strip), psf_fit.length(kernel)) < search.SHARP_KERNEL
     return Verdict.SHARP if sharp else Verdict.RESTORED, kernel
 
 
@@ -73,7 +63,7 @@ def deconvolved(
     settings: Settings,
     noise: float,
 ) -> Float[np.ndarray, "rows cols channels"]:
-    """The latent image under one known kernel."""
+    """The latent image under one given kernel."""
     rows, cols = pixels.shape[:2]
     offsets, weights = samples(kernel)
     shape = (rows, len(weights))
@@ -92,31 +82,18 @@ def samples(kernel: Float[np.ndarray, "k k"]) -> tuple[Float[np.ndarray, "n 2"],
 
 
 def solved(blurred: nonblind.TiledFrame, settings: Settings, noise: float) -> Float[np.ndarray, "rows cols channels"]:
-    """The latent image as `blind.restore` solves for it."""
-    *_, latent = nonblind.deblur(blurred, prior=settings.prior, mu=settings.mu_final if settings.prior == "tv" else 5e-4, noise=noise)
+    """The latent image as `restoration.single_frame` solves for it."""
+    *_, latent = nonblind.deblur(blurred, prior=settings.prior, mu=settings.final_mu, noise=noise)
     return latent
 
 
 def finished(
-    frame: Frame,
-    timing: ShutterTiming,
-    timing_source: str,
-    latent: Float[np.ndarray, "scanlines along channels"] | None,
+    view: View,
+    latent: Float[np.ndarray, "rows cols channels"] | None,
     psfs: Float[np.ndarray, "down across k k"] | None,
     verdict: Verdict,
     started: float,
 ) -> FrameResult:
-    """The result in the image's own axes; without a latent image, the frame as it was."""
-    way = timing.direction
-    if psfs is not None:
-        psfs = np.array([[way.image(kernel) for kernel in row] for row in way.image(psfs)])
-    return FrameResult(
-        frame=frame,
-        timing=timing,
-        timing_source=timing_source,
-        trajectory=still(timing.interval, degree=1, axes=2),
-        latent=frame.pixels if latent is None else np.ascontiguousarray(way.image(latent)),
-        verdict=verdict,
-        seconds=time.monotonic() - started,
-        psfs=psfs,
-    )
+    """The result of a method that knows kernels and no path; without a latent image, the frame as it was."""
+    rest = still(view.source_camera.timing.interval, degree=1, axes=2)
+    return scanlines.result(view, trajectory=rest, verdict=verdict, latent=latent, psfs=psfs, seconds=time.monotonic() - started)

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rsvideo.pipeline import fingerprint
+from rsvideo.config.files import sha256
 from rsvideo.pipeline.pieces import Chunk
 
 _VERSION = 2
@@ -186,7 +186,7 @@ def _not_written(error: sqlite3.OperationalError, path: Path) -> OSError:
 
 def _holds(place: Path, record: dict[str, Any]) -> bool:
     try:
-        return all(Path(name).name == name and fingerprint.of_file(place / name) == held for name, held in record["sha256"].items())
+        return all(Path(name).name == name and sha256(place / name) == held for name, held in record["sha256"].items())
     except OSError:
         return False
 

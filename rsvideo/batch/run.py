@@ -165,7 +165,7 @@ class _Run:
             case _, Failed():
                 self.retry_or_fail(clip, order, answer)
             case Restore(), Progress():
-                clip.under_way[order.chunk.index] = answer.fraction * order.chunk.frames
+                clip.under_way[order.chunk.index] = order.chunk.done(answer)
                 self.tell("frame", clip, answer.stage, frame=answer.frame)
             case Cut(), tuple():
                 if clip.result is None:

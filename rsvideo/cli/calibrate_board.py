@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Overwrite, may_write, say
+from rsvideo.cli.calibrate_profile import Overwrite, say
 from rsvideo.cli.validate import refusing
 
 BOARD = "chessboard:9x6:25mm (inner corners, side of a square), charuco:5x7:DICT_6X6_250:30mm:22mm or aprilgrid:6x6:30mm:9mm."
@@ -32,10 +32,7 @@ def board(
 ) -> None:
     """Draw a board to print at 100 %, glue to something flat, and film."""
     with refusing():
-        from calibration.board import parse
-        from calibration.sheet import FORMATS, draw
-        from rsvideo.config.files import write_whole
+        import calibration
 
-        kind = may_write(output, FORMATS, overwrite=overwrite)
-        write_whole({output: draw(parse(name), name, paper=paper.value, kind=kind)})
+        calibration.board(output, name, paper=paper.value, overwrite=overwrite)
     say(f"drawn: {output}; print it at 100 % and check the ruler, then: rsvideo calibrate lens VIEWS --board {name}")

@@ -3,21 +3,23 @@
 import enum
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
 
 from rsvideo.cli.calibrate_board import BoardName
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, may_write, named, print_json, say, today
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json, say
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
-    from calibration.views import Refused, Taken, View
+    from calibration import LensMeasurement
+    from calibration.intrinsics.views import Refused
+    from rsvideo.shooting.camera_profile import CameraProfile
 
-_FEW = 5  # views that are not used for the same reason are told each
+_FEW = 5  # views that are refused for the same reason are named each
 
 
 class Model(enum.StrEnum):
@@ -47,135 +49,73 @@ def lens(
     Hold the board still in each view; let the views cover the whole picture, near and far, and tilt it to all sides.
     """
     with refusing():
-        from calibration import lens as fitting
-        from calibration import profile as parts
-        from calibration import residuals, views
-        from calibration.board import parse
-        from rsvideo.cli import quiet
-        from rsvideo.config.files import write_whole
+        import calibration
+        from calibration.boards.target import parse
+        from calibration.output import file_format
+        from rsvideo.cli.progress import bar
         from rsvideo.config.quantity import hand_held, seconds
         from rsvideo.report.plots import FORMATS
-        from rsvideo.shooting.camera_profile import CameraProfile, Mode
 
-        target = parse(board)
+        parse(board)
         rolling = None if readout is None else hand_held("readout", seconds("readout", readout), zero=True)
-        kind = may_write(figure, FORMATS, overwrite=overwrite) if figure else ""
-        before = earlier(output, add=add, overwrite=overwrite)
-        with quiet.c_libraries():
-            taken, files, fps, model_name = _taken(sources, target, rolling)
-        if len(taken.views) < fitting.FEWEST:
-            _say_refused(taken.refused)
-        with quiet.c_libraries():
-            fit = fitting.calibrate(taken.views, model=None if model is Model.AUTO else model.value, bent=bent)
-        reached = fitting.reach(fit.views, fit.lens.numbers, taken.rows, taken.cols)
-        how = f"{len(fit.views)} views of {board}, {fit.rms:.3f} px left"
-        how += f", the board's corners found up to {fit.off * 1e3:.2g} mm off their places" if fit.off else ""
-        profile = CameraProfile(
-            name=named(name, model_name, output),
-            maker=maker,
-            mode=Mode(rows=taken.rows, cols=taken.cols, fps=fps),
-            intrinsics=parts.lens(fit, parts.found(how, _used(files, fit, taken), today())),
-        )
-        if before:
-            profile = parts.merged(before, profile)
-        notes = [*taken.notes, *_doubts(fit, taken, reached)]
-        refused = [*taken.refused, *fit.refused]
         if figure:
-            write_whole({figure: residuals.draw(fit, taken, kind)})
+            file_format(figure, FORMATS, overwrite=overwrite)
+        before = earlier(output, add=add, overwrite=overwrite)
+        try:
+            with bar() as tell:
+                found = calibration.lens(
+                    sources,
+                    board,
+                    model=None if model is Model.AUTO else model.value,
+                    find_shape=bent,
+                    readout=rolling,
+                    observer=lambda progress: tell(progress.stage, progress.fraction),
+                )
+        except calibration.TooFewViewsError as error:
+            _say_refused(error.refused)
+            raise
+        profile = merged(before, found.profile(name=first_name(name, found.camera, output), maker=maker))
+        if figure:
+            found.draw_residuals(figure, overwrite=overwrite)
     if json:
-        print_json(
-            {
-                "model": fit.lens.model,
-                "rms_px": fit.rms,
-                "left_out_rms_px": fit.left_out,
-                "left_out_rms_px_if_bent": fit.bent,
-                "board_off_m": fit.off,
-                "coverage": views.coverage(fit.views, taken.rows, taken.cols),
-                "reach": reached,
-                "views": [{"name": view.name, "corners": len(view.at), "weight": view.weight, "edge_px": view.edge} for view in fit.views],
-                "refused": [{"name": one.name, "why": one.why} for one in refused],
-                "notes": notes,
-                "profile": profile.model_dump(mode="json", exclude_none=True),
-            }
-        )
-    _say_refused(refused)
-    for note in notes:
+        _print_json(found, profile)
+    _say_refused(found.refused)
+    for note in found.notes:
         say(note)
-    errors = ", ".join(f"{which} {error:.3f}" for which, error in fit.left_out.items())
-    say(f"{fit.lens.model}: {how}" + (f"; of views left out, px: {errors}" if errors else ""))
+    errors = ", ".join(f"{which} {error:.3f}" for which, error in found.fit.left_out.items())
+    say(f"{found.model}: {found.how}" + (f"; of views left out, px: {errors}" if errors else ""))
     finish(profile, output, printed=not json)
 
 
-def _taken(sources: list[Path], target: Any, rolling: float | None) -> "tuple[Taken, dict[str, Path], float | None, str | None]":
-    """The views, the files they are in, and the clip's rate and the camera's name where these are known."""
-    from calibration import views
-    from rsvideo.cli.exit_codes import RefusedError
-    from rsvideo.stills import still
-    from rsvideo.video import decode, metadata
-
-    clips = [path for path in sources if views.is_clip(path)]
-    if clips and len(sources) > 1:
-        raise RefusedError(f"views must be photographs or one clip, got {len(sources)} files with {clips[0].name} among them")
-    if clips:
-        stream = decode.probe(clips[0])
-        found = _watched(views.of_clip(stream, target), min(stream.frames, views.MOST_LOOKED_AT))
-        taken = views.chosen(found, clip=True, readout=rolling)
-        return taken, views.named(clips), round(float(stream.rate), 3), metadata.shot(stream).camera
-    files = list(views.photographs(sources))
-    if not files:
-        raise RefusedError(f"{sources[0]} holds no photograph; is it the right folder?")
-    taken = views.chosen(_watched(views.of_photographs(files, target), len(files)), clip=False, readout=rolling)
-    by_name = views.named(files)
-    return taken, by_name, None, still.read(by_name[taken.views[0].name]).shot.camera
-
-
-def _watched(found: "Iterator[View | Refused]", count: int) -> "list[View | Refused]":
-    """All of them, with a bar while they come."""
-    from rsvideo.cli.progress import bar
-
-    seen: list[Any] = []
-    with bar() as tell:
-        for one in found:
-            seen.append(one)
-            tell("looking for the board", min(1.0, len(seen) / count))
-    return seen
-
-
-def _used(files: "dict[str, Path]", fit: Any, taken: "Taken") -> "dict[str, Path]":
-    """The files that went into the lens."""
-    names = {view.name for view in fit.views}
-    return {name: path for name, path in files.items() if taken.clip or name in names}
+def _print_json(found: "LensMeasurement", profile: "CameraProfile") -> None:
+    """All that was found, for machines."""
+    fit = found.fit
+    print_json(
+        {
+            "model": found.model,
+            "rms_px": found.rms_px,
+            "left_out_rms_px": fit.left_out,
+            "left_out_rms_px_if_bent": fit.left_out_if_bent,
+            "board_off_m": fit.displacement,
+            "coverage": found.coverage,
+            "reach": found.reach,
+            "views": [
+                {"name": view.name, "corners": len(view.object_points), "weight": view.weight, "edge_px": view.edge_width}
+                for view in fit.views
+            ],
+            "refused": [{"name": one.name, "why": one.reason} for one in found.refused],
+            "notes": list(found.notes),
+            "profile": profile.model_dump(mode="json", exclude_none=True),
+        }
+    )
 
 
 def _say_refused(refused: "Sequence[Refused]") -> None:
     """One line for each that stands out, and one for all that are refused alike."""
     alike: dict[str, list[Refused]] = {}
     for one in refused:
-        alike.setdefault(re.split(r"\d|:", one.why)[0], []).append(one)
+        alike.setdefault(re.split(r"\d|:", one.reason)[0], []).append(one)
     for group in alike.values():
-        told = group if len(group) <= _FEW else group[:1]
-        for one in told:
+        for one in group if len(group) <= _FEW else group[:1]:
             more = f"; {len(group) - 1} more alike, --json lists them" if len(group) > _FEW else ""
-            say(f"not used: {one.name}: {one.why}{more}")
-
-
-def _doubts(fit: Any, taken: "Taken", reached: float) -> list[str]:
-    """What a person should know before they trust the lens."""
-    from calibration import lens as fitting
-    from calibration import views
-
-    doubts = []
-    if len(fit.views) < fitting.ENOUGH:
-        doubts.append(f"{len(fit.views)} views are few, {fitting.ENOUGH} or more tell more; the stated deviations may be too small")
-    if (covered := views.coverage(fit.views, taken.rows, taken.cols)) < 0.5:
-        doubts.append(f"the board was seen in {covered:.0%} of the picture only; bring it into the corners too")
-    if reached < 0.8:
-        doubts.append(f"no corner lies farther out than {reached:.0%} of the way; beyond, the distortion is a guess")
-    if fit.bent and not fit.off and fit.bent < fitting.BENT * (error := min(fit.left_out.values())):
-        doubts.append(
-            f"the board is not what --board says: if it may be bent, {fit.bent:.3f} instead of {error:.3f} px are left in views left out;"
-            " --bent finds its shape, a flat and exact one is better; the stated deviations allow for it"
-        )
-    if fit.lens.std[0] > 0.01 * fit.lens.numbers[0]:
-        doubts.append(f"the focal length is known to {fit.lens.std[0] / fit.lens.numbers[0]:.1%} only; tilt the board more")
-    return doubts
+            say(f"not used: {one.name}: {one.reason}{more}")

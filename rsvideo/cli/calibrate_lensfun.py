@@ -4,7 +4,7 @@ from typing import Annotated
 
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Add, Output, Overwrite, earlier, finish, say, today
+from rsvideo.cli.calibrate_profile import Add, Output, Overwrite, earlier, finish, merged, say
 from rsvideo.cli.validate import refusing
 
 
@@ -21,19 +21,15 @@ def lensfun(
     import re
 
     with refusing():
-        from calibration import lensfun as database
-        from calibration.profile import merged
+        import calibration
         from rsvideo.cli.exit_codes import RefusedError
-        from rsvideo.shooting.camera_profile import CameraProfile, Mode
 
         if not (sides := re.fullmatch(r"(\d{1,6})x(\d{1,6})", size)):
             raise RefusedError(f"--size must be columns x rows such as 1920x1080, got {size[:40]!r}")
         before = earlier(output, add=add, overwrite=overwrite)
         cols, rows = int(sides[1]), int(sides[2])
-        prior = database.look_up(camera, lens, focal_mm=focal_mm, rows=rows, cols=cols, when=today())
-        profile = CameraProfile(name=prior.camera[:100], maker=prior.maker, mode=Mode(rows=rows, cols=cols), intrinsics=prior.lens)
-        if before:
-            profile = merged(before, profile)
+        prior = calibration.look_up_lens(camera, lens, focal_mm=focal_mm, rows=rows, cols=cols)
+        profile = merged(before, prior.profile())
     for note in prior.notes:
         say(note)
     finish(profile, output)

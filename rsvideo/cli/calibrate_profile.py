@@ -1,4 +1,4 @@
-"""The profile that every measurement writes: where it goes, what it is added to, and what is said of it."""
+"""The profile that every measurement writes: where it goes, what it is added to, and what is printed about it."""
 
 import sys
 from pathlib import Path
@@ -16,38 +16,29 @@ Name = Annotated[str | None, Option(metavar="NAME", help="The camera's model; fr
 Maker = Annotated[str | None, Option(metavar="MAKER", help="Who made the camera.")]
 
 
-def named(*names: "str | Path | None") -> str:
-    """The first name there is."""
-    found = next((name for name in names if name), "unnamed")
-    return (found.stem if isinstance(found, Path) else found)[:100]
-
-
-def may_write(path: Path, kinds: tuple[str, ...], *, overwrite: bool) -> str:
-    """The kind that a file's ending names, if it may be written."""
-    from rsvideo.cli.exit_codes import RefusedError
-
-    kind = path.suffix.lower().removeprefix(".")
-    if kinds and kind not in kinds:
-        raise RefusedError(f"{path} must end in .{', .'.join(kinds)}, it ends in {path.suffix!r}; the ending names the format")
-    if not path.parent.is_dir():
-        raise RefusedError(f"the folder {path.parent} must exist; make it first, or is its name mistyped?")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
-    return kind
+def first_name(*names: "str | Path | None") -> str | None:
+    """The first name there is; of a file, its stem."""
+    found = next((name for name in names if name), None)
+    return found.stem if isinstance(found, Path) else found
 
 
 def earlier(output: Path | None, *, add: bool, overwrite: bool) -> "CameraProfile | None":
-    """The profile that is added to, if there is one."""
+    """The profile that is added to, if there is one; refused before anything is measured where it may not be written."""
+    from calibration import profile
     from rsvideo.cli.exit_codes import RefusedError
-    from rsvideo.shooting import profiles
 
-    if output is None:
-        if add:
-            raise RefusedError("--add needs -o PROFILE, the profile that is added to")
-        return None
-    exists = output.exists() and add
-    may_write(output, ("yaml", "yml"), overwrite=overwrite or exists)
-    return profiles.read(output) if exists else None
+    if output is not None:
+        return profile.earlier(output, add=add, overwrite=overwrite)
+    if add:
+        raise RefusedError("--add needs -o PROFILE, the profile that is added to")
+    return None
+
+
+def merged(before: "CameraProfile | None", measured: "CameraProfile") -> "CameraProfile":
+    """What was measured, in the profile that it is added to."""
+    from calibration import profile
+
+    return profile.merge(before, measured) if before else measured
 
 
 def finish(profile: "CameraProfile", output: Path | None, *, printed: bool = True) -> None:
@@ -63,18 +54,11 @@ def finish(profile: "CameraProfile", output: Path | None, *, printed: bool = Tru
         sys.stdout.write(data.decode())
 
 
-def today() -> str:
-    """The day, as profiles note it."""
-    import datetime
-
-    return datetime.datetime.now(tz=datetime.UTC).date().isoformat()
-
-
-def print_json(told: dict[str, Any]) -> None:
+def print_json(facts: dict[str, Any]) -> None:
     """All that was found, for machines."""
     import json
 
-    print(json.dumps(told, indent=1, allow_nan=False))
+    print(json.dumps(facts, indent=1, allow_nan=False))
 
 
 def say(words: str) -> None:

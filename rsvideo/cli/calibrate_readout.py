@@ -1,16 +1,22 @@
 """rsvideo calibrate readout: how long a camera takes from its first row to its last."""
 
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, named, print_json, say, today
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json, say
 from rsvideo.cli.options import Way
 from rsvideo.cli.validate import refusing
 
+if TYPE_CHECKING:
+    from calibration import ReadoutMeasurement
+    from rsvideo.shooting.camera_profile import CameraProfile
+
 MOST_FRAMES = 10_000
+_FREQUENCY = re.compile(r"(\d+\.?\d*|\.\d+)\s*(k?)(hz)?", re.IGNORECASE)
 
 
 def readout(
@@ -41,49 +47,80 @@ def readout(
     from rsvideo.cli import exit_codes
 
     with refusing():
-        from calibration import profile as parts
-        from calibration import views
-        from calibration.bands import CannotTellError
-        from rsvideo.cli import quiet
-        from rsvideo.cli.calibrate_readout_ways import way
+        import calibration
+        from rsvideo.cli.progress import bar
         from rsvideo.config.quantity import frame_rate
-        from rsvideo.physics.shutter import Direction
-        from rsvideo.shooting.camera_profile import CameraProfile, Clock, Measured, Mode
 
         before = earlier(output, add=add, overwrite=overwrite)
-        find = way(source, flicker, from_clip, from_table, scanlines_total, wanted=from_frame_rate)
-        try:
-            with quiet.c_libraries():
-                found = find(None if rate is None else frame_rate(rate), Direction(direction) if direction else None, frames)
-        except CannotTellError as error:
-            say(f"cannot tell the readout: {error}")
-            raise typer.Exit(exit_codes.Code.FAILED) from error
-        asked = Direction(direction) if direction else None
-        notes = list(found.notes)
-        if found.direction is None and asked is None:
-            notes.append("the direction is taken to be top-to-bottom; --direction says another")
-        if asked is not None and found.direction not in (None, asked):
-            notes.append(f"the direction is {asked.value} as asked for, though it looks {found.direction.value}")
-        whence = parts.found(found.how, views.named(found.files[:frames]), today())
-        if found.source:
-            whence = whence.model_copy(update={"source": found.source})
-        profile = CameraProfile(
-            name=named(name, found.camera, output),
-            maker=maker or found.maker,
-            mode=Mode(rows=found.rows, cols=found.cols, fps=None if found.fps is None else round(found.fps, 3)),
-            timing=Clock(
-                readout_s=Measured(value=round(found.readout, 9), std=None if found.std is None else float(f"{found.std:.3g}")),
-                direction=asked or found.direction or Direction.TOP_TO_BOTTOM,
-                found=whence,
-            ),
-        )
-        if before:
-            profile = parts.merged(before, profile)
+        _check_method(source, flicker, from_clip, from_table, scanlines_total, from_frame_rate=from_frame_rate)
+        fps = None if rate is None else frame_rate(rate)
+        hertz = None if flicker is None else _hertz(flicker)
+        with bar() as tell:
+            found = calibration.readout(
+                from_clip or source,
+                flicker=hertz,
+                from_clip=from_clip is not None,
+                table=from_table,
+                from_frame_rate=from_frame_rate,
+                scanlines_total=scanlines_total,
+                frame_rate=fps,
+                direction=direction,
+                frames=frames,
+                observer=lambda progress: tell(progress.stage, progress.fraction),
+            )
+        if isinstance(found, calibration.CannotTell):
+            say(f"cannot tell the readout: {found.reason}")
+            raise typer.Exit(exit_codes.Code.FAILED)
+        profile = merged(before, found.profile(name=first_name(name, found.camera, output), maker=maker))
     if json:
-        facts = {"readout_s": found.readout, "std_s": found.std, "direction": found.direction.value if found.direction else None}
-        whole = profile.model_dump(mode="json", exclude_none=True)
-        print_json({**facts, "how": found.how, **found.more, "notes": notes, "profile": whole})
-    for note in notes:
+        _print_json(found, profile)
+    for note in found.notes:
         say(f"note: {note}")
-    say(f"readout {found.readout * 1e3:.5g} ms" + (f", give or take {found.std * 1e3:.2g} ms" if found.std else "") + f": {found.how}")
+    say(f"readout {found.value * 1e3:.5g} ms" + (f", give or take {found.std * 1e3:.2g} ms" if found.std else "") + f": {found.how}")
     finish(profile, output, printed=not json)
+
+
+def _check_method(
+    source: Path | None,
+    flicker: str | None,
+    from_clip: Path | None,
+    from_table: tuple[str, str] | None,
+    scanlines_total: int | None,
+    *,
+    from_frame_rate: bool,
+) -> None:
+    """Refuse options that do not name exactly one method and its material."""
+    methods = {
+        "--flicker": flicker is not None,
+        "--from-clip": from_clip is not None,
+        "--from-table": from_table is not None,
+        "--from-frame-rate": from_frame_rate,
+    }
+    chosen = [name for name, is_chosen in methods.items() if is_chosen]
+    if len(chosen) != 1:
+        raise ValueError(f"the readout is measured by one of {', '.join(methods)}, got {' and '.join(chosen) or 'none'}")
+    if source is not None and chosen[0] in ("--from-clip", "--from-table"):
+        raise ValueError(f"{chosen[0]} takes no other CLIP, got {source}")
+    if scanlines_total is not None and not from_frame_rate:
+        raise ValueError(f"--scanlines-total belongs to --from-frame-rate, got it with {chosen[0]}")
+    if source is None and chosen[0] in ("--flicker", "--from-frame-rate"):
+        raise ValueError("CLIP must be given, before the options")
+
+
+def _hertz(text: str) -> float:
+    """The frequency that `1000Hz`, `1 kHz` or `1000` writes."""
+    from calibration.timing.measure import FLICKER_HZ
+
+    lowest, highest = FLICKER_HZ
+    match = _FREQUENCY.fullmatch(text.strip())
+    value = float(match[1]) * (1e3 if match[2] else 1) if match else 0.0
+    if not lowest <= value <= highest:
+        raise ValueError(f"flicker must be a frequency from {lowest:g} Hz to {highest / 1e3:g} kHz such as 1000Hz, got {text[:40]!r}")
+    return value
+
+
+def _print_json(found: "ReadoutMeasurement", profile: "CameraProfile") -> None:
+    """All that was found, for machines."""
+    facts = {"readout_s": found.value, "std_s": found.std, "direction": found.direction.value if found.direction else None}
+    whole = profile.model_dump(mode="json", exclude_none=True)
+    print_json({**facts, "how": found.how, **found.details, "notes": list(found.notes), "profile": whole})

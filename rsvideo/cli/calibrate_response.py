@@ -6,8 +6,10 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, named, say, today
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, say
 from rsvideo.cli.validate import refusing
+
+_CURVES = 4  # the best ones, that are named
 
 
 def response(
@@ -28,46 +30,19 @@ def response(
     One scene with dark and bright flat parts, ISO, aperture and white balance fixed, one or two stops from one exposure to the next.
     """
     with refusing():
-        from calibration import profile as parts
-        from calibration import response as fitting
-        from calibration import views
+        import calibration
         from rsvideo.cli import quiet
-        from rsvideo.cli.exit_codes import RefusedError
         from rsvideo.config.quantity import seconds
-        from rsvideo.shooting.camera_profile import CameraProfile, Mode
-        from rsvideo.stills import still
 
         before = earlier(output, add=add, overwrite=overwrite)
-        given = [seconds("exposures", text) for text in exposures.split(",")] if exposures else None
-        if given is not None and len(given) != len(sources):
-            raise RefusedError(f"--exposures must name one time for each of {len(sources)} photographs, it names {len(given)}")
+        times = [seconds("exposures", text) for text in exposures.split(",")] if exposures else None
         with quiet.c_libraries():
-            stills = [still.read(path) for path in sources]
-        times = given or [one.shot.exposure or 0.0 for one in stills]
-        if missing := [path.name for path, time in zip(sources, times, strict=True) if not time]:
-            raise RefusedError(f"{missing[0]} must say its exposure in EXIF, it does not; give all with --exposures 1/1000,1/500,...")
-        if given is None:
-            times = fitting.exact(times)
-        shots = [
-            fitting.Shot(name=path.name, samples=one.codes.samples, exposure=time, linear=one.format is still.Format.RAW)
-            for path, one, time in zip(sources, stills, times, strict=True)
-        ]
-        found = fitting.measure(shots)
-        rows, cols = shots[0].samples.shape[:2]
-        whence = parts.found(f"{len(shots)} exposures of {min(times):.3g} to {max(times):.3g} s", views.named(sources), today())
-        profile = CameraProfile(
-            name=named(name, stills[0].shot.camera, output),
-            maker=maker,
-            mode=Mode(rows=rows, cols=cols),
-            tone=parts.tone(found, whence),
-            noise=parts.noise(found, whence),
-        )
-        if before:
-            profile = parts.merged(before, profile)
+            found = calibration.response(sources, times)
+        profile = merged(before, found.profile(name=first_name(name, found.camera, output), maker=maker))
     for note in found.notes:
         say(note)
-    best = sorted(found.rests.items(), key=lambda one: one[1])[:4]
-    say("what each curve leaves of light: " + ", ".join(f"{curve} {rest:.1%}" for curve, rest in best))
+    best = sorted(found.misfits.items(), key=lambda one: one[1])[:_CURVES]
+    say("what each curve leaves of light: " + ", ".join(f"{curve} {misfit:.1%}" for curve, misfit in best))
     if found.noise:
         twice = "" if "pairs" in found.noise.how else "; two photographs at each exposure tell it more surely"
         say(f"noise by {found.noise.how}; it belongs to the ISO that was set{twice}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Overwrite, may_write, print_json, say
+from rsvideo.cli.calibrate_profile import Overwrite, print_json, say
 from rsvideo.cli.validate import refusing
 
 
@@ -29,13 +29,9 @@ def show(
 ) -> None:
     """Draw a profile on one page: lens, timing, tone curve and noise."""
     with refusing():
-        from calibration import page
-        from rsvideo.config.files import write_whole
-        from rsvideo.report.plots import FORMATS
-        from rsvideo.shooting import profiles
+        from calibration import profile
 
-        kind = may_write(output, FORMATS, overwrite=overwrite)
-        write_whole({output: page.draw(profiles.find(camera), kind)})
+        profile.show(camera, output, overwrite=overwrite)
     say(f"drawn: {output}")
 
 
@@ -47,15 +43,16 @@ def convert(
 ) -> None:
     """Write a profile as Gyroflow, OpenCV, kalibr or ROS read it, or theirs as ours."""
     with refusing():
+        from calibration import profile
+        from calibration.output import file_format
         from rsvideo.config.files import write_whole
-        from rsvideo.shooting import profiles
 
-        data, notes = profiles.encode(profiles.find(camera), to.value)
+        text, notes = profile.convert(camera, to.value)
         if output is None:
-            sys.stdout.write(data.decode())
+            sys.stdout.write(text)
         else:
-            may_write(output, (), overwrite=overwrite)
-            write_whole({output: data})
+            file_format(output, (), overwrite=overwrite)
+            write_whole({output: text.encode()})
     for note in notes:
         say(note)
     if output:

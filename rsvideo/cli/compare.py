@@ -214,13 +214,13 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How
     """A page for each input; and an index of them all, with a `title`."""
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
-    from rsvideo.comparison import compare as comparing
+    from rsvideo.comparison import preflight
     from rsvideo.config.files import write_whole
     from rsvideo.progress import within
     from rsvideo.report import page
 
     with quiet.c_libraries():
-        works = [replace(work, requests=comparing.settled(work.requests, work.truth, work.crops)) for work in works]
+        works = [replace(work, requests=preflight.settled(work.requests, work.truth, work.crops)) for work in works]
     _folder(output, overwrite=how.overwrite)
     done, everyone = [], []
     with progress_bar() as observe:
@@ -244,9 +244,9 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How
 
 
 def _numbers(output: Path, comparisons: "Sequence[Comparison]") -> dict[Path, bytes]:
-    from rsvideo.report import comparison as values
+    from rsvideo.report import numbers
 
-    return {output / "report.csv": values.all_csv(comparisons), output / "report.json": values.all_json(comparisons)}
+    return {output / "report.csv": numbers.all_csv(comparisons), output / "report.json": numbers.all_json(comparisons)}
 
 
 def _carried_out(work: _Work, observe: "Observer", how: _How) -> "tuple[Comparison, list[Attempt]]":
@@ -275,25 +275,26 @@ def _name(source: Path) -> str:
         return source.stem + ".png"
     if is_sequence(source):  # whose pictures become one lossless clip
         return "".join(letter for letter in source.stem if letter not in "#%*").strip("_-. ") + ".mkv"
-    return source.stem + (source.suffix.lower() if source.suffix.lower() in (".mp4", ".mov", ".mkv") else ".mkv")
+    from rsvideo.video.output_format import CONTAINERS
+
+    return source.stem + (source.suffix.lower() if source.suffix.lower() in CONTAINERS else ".mkv")
 
 
 def _write(output: Path, comparison: "Comparison") -> None:
     from rsvideo.config.files import write_whole
-    from rsvideo.report import comparison as values
-    from rsvideo.report import page
+    from rsvideo.report import numbers, page
 
     write_whole(
         {
             output / "index.html": page.render(comparison),
-            output / "report.csv": values.as_csv(comparison),
-            output / "report.json": values.as_json(comparison),
+            output / "report.csv": numbers.as_csv(comparison),
+            output / "report.json": numbers.as_json(comparison),
         }
     )
 
 
 def _tell(comparison: "Comparison", output: Path) -> None:
-    from rsvideo.report.comparison import summary
+    from rsvideo.report.summary import summary
 
     for words in summary(comparison):
         print(f"rsvideo: {words}", file=sys.stderr)

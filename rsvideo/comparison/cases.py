@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from rsvideo.comparison.decoded import shots
+from rsvideo.comparison.decoded import pictures
 from rsvideo.comparison.method_run import Attempt, Order, all_of
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.method import Method
@@ -111,7 +111,7 @@ def scored(
 
 def _psnr(attempt: Attempt, case: Case) -> float:
     """Of a still, or the mean over a clip's frames."""
-    pairs = zip(shots(attempt.output), shots(case.truth), strict=True)
+    pairs = zip(pictures(attempt.output), pictures(case.truth), strict=True)
     return float(np.mean([metrics.psnr(ours.codes, truth.codes) for ours, truth in pairs]))
 
 

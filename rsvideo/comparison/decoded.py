@@ -1,4 +1,4 @@
-"""The pictures of an input, of what methods made of it and of its truth, decoded to one measure."""
+"""The pictures of an input, of what methods made of it and of its truth, decoded so that they can be measured alike."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,15 +16,16 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline.clip_facts import frame_range
 from rsvideo.report import metrics
 from rsvideo.stills import still
+from rsvideo.stills.still import Still
 from rsvideo.video import colour, decode
 from rsvideo.video.stream import Matrix, Stream
 
-_PLAIN = (Transfer.SRGB, Transfer.BT709, Transfer.GAMMA22, Transfer.GAMMA28)  # may be shown as they are
+_SHOWN_AS_STORED = (Transfer.SRGB, Transfer.BT709, Transfer.GAMMA22, Transfer.GAMMA28)  # curves near enough to a screen's own
 Light = tuple[Float32[np.ndarray, "rows cols"], Bool[np.ndarray, "rows cols"]]  # luminance, and where it is valid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shot:
+class DecodedPicture:
     """One picture of an entry: codes in [0, 1] to be measured, and what is shown of it."""
 
     codes: Float32[np.ndarray, "rows cols 3"]
@@ -33,66 +34,101 @@ class Shot:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
-    """What photographs and clips have in common as inputs."""
+class Source:
+    """What photographs and clips have in common as inputs of a comparison."""
 
     kind: Literal["still", "clip"]
     rows: int  # as shown
     cols: int
-    rate: Fraction
-    first: int
-    last: int
-    times: Sequence[float]
-    reel: Callable[[Path, bool], Iterator[Shot]]  # of a file; whether it is a whole clip, not only the part
+    stored: tuple[int, int]  # rows and columns in sensor order, which the display rotation turns
+    frames: int  # of the whole source
+    rate: Fraction  # pictures a second; 1 of a still
+    first: int  # index of the first picture that is compared
+    last: int  # and of the one behind the last
+    times: Sequence[float]  # seconds of those pictures, since the source's first
+    own: Callable[[], Iterator[DecodedPicture]]  # the source's pictures, by what is read of it already
+    of_result: Callable[[Path], Iterator[DecodedPicture]]  # all pictures of a file that a method wrote
+    of_truth: Callable[[Path], Iterator[DecodedPicture]]  # of a file as long as the source, or as the part of it that is compared
 
 
-def shots(path: Path) -> Iterator[Shot]:
+def pictures(path: Path) -> Iterator[DecodedPicture]:
     """All pictures of a still or a clip."""
     if is_clip(path):
         stream = decode.probe(path)
-        return _clip_shots(stream, 0, stream.frames)
-    return iter([_still_shot(path, None)])
+        return _of_clip(stream, 0, stream.frames)
+    return iter([_of_still(still.read(path))])
 
 
-def plan(request: Request) -> Plan:
-    """What is to be seen of a request's source."""
+def source(request: Request) -> Source:
+    """The source of a request, opened once: a photograph is decoded, a clip is probed; raises UnreadableError."""
+    return _clip(request) if request.is_clip else _photograph(request)
+
+
+def _photograph(request: Request) -> Source:
+    transfer = request.camera.transfer
+    photograph = still.read(request.source, transfer)
+    rows, cols = photograph.pixels.shape[:2]
+
+    def of_file(path: Path) -> Iterator[DecodedPicture]:
+        yield _of_still(still.read(path, transfer))
+
+    return Source(
+        kind="still",
+        rows=rows,
+        cols=cols,
+        stored=(rows, cols),
+        frames=1,
+        rate=Fraction(1),
+        first=0,
+        last=1,
+        times=(0.0,),
+        own=lambda: iter([_of_still(photograph)]),
+        of_result=of_file,
+        of_truth=of_file,
+    )
+
+
+def _clip(request: Request) -> Source:
     transfer, rate, on_damage = request.camera.transfer, request.input.frame_rate, request.input.on_damage
-    if not request.is_clip:
-        rows, cols = still.read(request.source, transfer).pixels.shape[:2]
-
-        def one(path: Path, _: bool) -> Iterator[Shot]:
-            yield _still_shot(path, transfer)
-
-        return Plan(kind="still", rows=rows, cols=cols, rate=Fraction(1), first=0, last=1, times=(0.0,), reel=one)
     stream = decode.probe(request.source, rate, on_damage=on_damage)
     first, last = frame_range(stream, request.input.range)
-    turned = stream.rotation // 90 % 2
+    turns = stream.rotation // 90
 
-    def many(path: Path, whole: bool) -> Iterator[Shot]:
-        its = decode.probe(path, rate, on_damage=on_damage)
-        begin, end = (first, last) if whole and its.frames == stream.frames else (0, its.frames)
-        return _clip_shots(its, begin, end, transfer=transfer, on_damage=on_damage, turns=stream.rotation // 90)
+    def part(other: Stream, begin: int, end: int) -> Iterator[DecodedPicture]:
+        return _of_clip(other, begin, end, transfer=transfer, on_damage=on_damage, turns=turns)
 
-    return Plan(
+    def of_result(path: Path) -> Iterator[DecodedPicture]:
+        result = decode.probe(path, rate, on_damage=on_damage)
+        return part(result, 0, result.frames)
+
+    def of_truth(path: Path) -> Iterator[DecodedPicture]:
+        truth = decode.probe(path, rate, on_damage=on_damage)
+        return part(truth, *((first, last) if truth.frames == stream.frames else (0, truth.frames)))
+
+    return Source(
         kind="clip",
-        rows=stream.cols if turned else stream.rows,
-        cols=stream.rows if turned else stream.cols,
+        rows=stream.cols if turns % 2 else stream.rows,
+        cols=stream.rows if turns % 2 else stream.cols,
+        stored=(stream.rows, stream.cols),
+        frames=stream.frames,
         rate=stream.rate,
         first=first,
         last=last,
         times=[stream.seconds(k) for k in range(first, last)],
-        reel=many,
+        own=lambda: part(stream, first, last),
+        of_result=of_result,
+        of_truth=of_truth,
     )
 
 
-def _clip_shots(
+def _of_clip(
     stream: Stream, first: int, last: int, *, transfer: str | None = None, on_damage: decode.OnDamage = "fail", turns: int = 0
-) -> Iterator[Shot]:
+) -> Iterator[DecodedPicture]:
     own = stream.colour
     if transfer:
         own = replace(own, transfer=Transfer(transfer))
     rgb = replace(own, matrix=Matrix.RGB, full_range=True, depth=8, subsampling="4:4:4", pixel_format="gbrp", chroma_shift=(0, 0))
-    screen = rgb if own.transfer in _PLAIN or not isinstance(own.transfer, Transfer) else replace(rgb, transfer=Transfer.SRGB)
+    screen = rgb if own.transfer in _SHOWN_AS_STORED or not isinstance(own.transfer, Transfer) else replace(rgb, transfer=Transfer.SRGB)
     if own.floating:
         rgb = screen
     for picture in decode.pictures(stream, first, last, on_damage=on_damage):
@@ -103,16 +139,17 @@ def _clip_shots(
             pixels, clipped = colour.light(picture, own)
             return metrics.luma(pixels), np.asarray(~clipped.any(axis=2))
 
-        yield Shot(codes=codes.astype(np.float32) / np.float32(255), shown=np.ascontiguousarray(np.rot90(shown, turns)), light=light)
+        yield DecodedPicture(
+            codes=codes.astype(np.float32) / np.float32(255), shown=np.ascontiguousarray(np.rot90(shown, turns)), light=light
+        )
 
 
-def _still_shot(path: Path, transfer: Transfer | None) -> Shot:
-    photograph = still.read(path, transfer)
+def _of_still(photograph: Still) -> DecodedPicture:
     codes = tone.encode(photograph.transfer, photograph.pixels)
-    shown = codes if photograph.transfer in _PLAIN else tone.encode(Transfer.SRGB, photograph.pixels)
+    shown = codes if photograph.transfer in _SHOWN_AS_STORED else tone.encode(Transfer.SRGB, photograph.pixels)
     if codes.shape[2] == 1:
         codes, shown = (np.repeat(x, 3, axis=2) for x in (codes, shown))
-    return Shot(
+    return DecodedPicture(
         codes=np.ascontiguousarray(codes),
         shown=np.clip(np.rint(255 * shown), 0, 255).astype(np.uint8),
         light=lambda: (metrics.luma(photograph.pixels), np.asarray(~photograph.clipped.any(axis=2))),

@@ -9,9 +9,10 @@ from rsvideo.physics.blur import BlurOperator
 from rsvideo.physics.trajectory import Spline, centred, fit
 
 _TERMS = 20  # of the spline that stands for a sampled trajectory
+_SAMPLES = 16  # of each scanline's exposure
 
 
-def of(record: FrameRecord, said: Sidecar, recorded: Light, restored: Light) -> Light | None:
+def of(record: FrameRecord, sidecar: Sidecar, recorded: Light, restored: Light) -> Light | None:
     """b - K l in luminance, and where it is known; None where the method does not say how it explains the frame."""
     (b, valid), (latent, _) = recorded, restored
     if b.shape != latent.shape:
@@ -19,7 +20,7 @@ def of(record: FrameRecord, said: Sidecar, recorded: Light, restored: Light) -> 
     if record.psfs is not None:
         again, border = _convolved(latent, np.asarray(record.psfs, np.float32))
     elif np.any(record.trajectory.poses()):
-        again, border = _moved(latent, record, said)
+        again, border = _moved(latent, record, sidecar)
     else:
         return None
     inside = np.zeros_like(valid)
@@ -29,15 +30,15 @@ def of(record: FrameRecord, said: Sidecar, recorded: Light, restored: Light) -> 
     return b - again, valid & inside
 
 
-def _moved(latent: np.ndarray, record: FrameRecord, said: Sidecar) -> tuple[np.ndarray, int]:
+def _moved(latent: np.ndarray, record: FrameRecord, sidecar: Sidecar) -> tuple[np.ndarray, int]:
     """K l of the trajectory that was found, and how many pixels of the border it does not know."""
     t, poses = np.array(record.trajectory.t_s), record.trajectory.poses()
     if not poses[:, 2].any():
         poses = poses[:, :2]
-    timing = said.timing(record)
+    timing = sidecar.timing(record)
     blank = Spline(t0=float(t[0]), t1=float(t[-1]), coefficients=np.zeros((min(_TERMS, len(t)), poses.shape[1])))
     path = centred(fit(blank, t, poses), timing.middle)
-    operator = BlurOperator.covering(path, timing=timing, intrinsics=said.settings.camera.intrinsics, samples=16, slack=0)
+    operator = BlurOperator.covering(path, timing=timing, intrinsics=sidecar.settings.camera.intrinsics, samples=_SAMPLES, slack=0)
     down, right = operator.margin
     padded = cv2.copyMakeBorder(latent, down, down, right, right, cv2.BORDER_REPLICATE)
     return operator.forward(padded), max(down, right)

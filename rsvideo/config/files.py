@@ -1,9 +1,12 @@
 """How files are read, bounded, and how they appear under their names: whole or not at all."""
 
 import contextlib
+import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+
+_BLOCK = 1 << 20  # bytes that are hashed at a time: memory does not grow with the file
 
 
 class UnreadableError(ValueError):
@@ -24,9 +27,24 @@ def read_whole(path: Path, *, most: int) -> bytes:
         raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
 
 
+def sha256(*paths: Path) -> str:
+    """SHA-256 of all bytes of files, one after the other, in hexadecimal digits; raises OSError where one cannot be read."""
+    digest = hashlib.sha256()
+    for path in paths:
+        with path.open("rb") as file:
+            while block := file.read(_BLOCK):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def part_of(path: Path) -> Path:
+    """Where a file is written before it appears under its name: beside it, so that moving it there is one step."""
+    return path.with_name(path.name + ".part")
+
+
 def write_whole(contents: Mapping[Path, bytes | Iterable[bytes]]) -> None:
     """Write several files, given whole or piece by piece, so that each appears complete, and none at all if one cannot be written."""
-    parts = {path: path.with_name(path.name + ".part") for path in contents}
+    parts = {path: part_of(path) for path in contents}
     at = None
     try:
         for at, data in contents.items():

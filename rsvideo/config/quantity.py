@@ -4,7 +4,10 @@ import math
 import re
 from fractions import Fraction
 
-LONGEST = 1.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
+HAND_HELD_LIMIT = 1.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
+SLOWEST_RATE, FASTEST_RATE = Fraction(1, 100), 100_000  # frames a second; a rate outside is a slip of the unit
+_SAME_RATE = 0.002  # of a rate; 30 and 29.97 are one mode of a camera, 30 and 25 are two
+_MOST_DIGITS = 40  # characters of a rate: a fraction of more takes long to parse
 
 _SECONDS_PER_UNIT = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _TIME = re.compile(r"\s*([-+]?)(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)(?:\s*/\s*(\d+\.?\d*))?\s*([a-zµμ]*)\s*", re.IGNORECASE)
@@ -28,22 +31,27 @@ def seconds(name: str, text: str) -> float:
 
 
 def frame_rate(text: str) -> Fraction:
-    """Frames a second, as people write them."""
+    """The frames a second that `text` writes; ValueError for what is none, or what no camera has."""
     try:
-        value = Fraction(text[:40])
+        value = Fraction(text[:_MOST_DIGITS])
     except (ValueError, ZeroDivisionError):
         value = Fraction(0)
-    if not 0 < value <= 100_000:
-        raise ValueError(f"rate must be a number of frames a second such as 25 or 24000/1001, got {text[:40]!r}")
+    if not SLOWEST_RATE <= value <= FASTEST_RATE:
+        raise ValueError(f"rate must be a number of frames a second such as 25 or 24000/1001, got {text[:_MOST_DIGITS]!r}")
     return value
+
+
+def same_rate(one: float, other: float) -> bool:
+    """Whether two frame rates are one mode of a camera: NTSC's 29.97 is called 30."""
+    return abs(one / other - 1) < _SAME_RATE
 
 
 def hand_held(name: str, value: float, *, zero: bool) -> float:
     """`value` itself, in seconds, if a hand-held camera can have it; `zero` says whether 0 counts."""
-    if 0 < value <= LONGEST or (zero and value == 0):
+    if 0 < value <= HAND_HELD_LIMIT or (zero and value == 0):
         return value
-    slip = f"is it in milliseconds? a unit may follow, as in {value:g}ms" if value > LONGEST else "no light is collected in no time"
-    raise ValueError(f"{name} must lie in {'[' if zero else '('}0, {LONGEST:g}] s, got {value:g} s; {slip}")
+    slip = f"is it in milliseconds? a unit may follow, as in {value:g}ms" if value > HAND_HELD_LIMIT else "no light is collected in no time"
+    raise ValueError(f"{name} must lie in {'[' if zero else '('}0, {HAND_HELD_LIMIT:g}] s, got {value:g} s; {slip}")
 
 
 def span(text: str) -> tuple[float, float]:

@@ -147,7 +147,7 @@ class Sidecar(_Record):
     def timing(self, frame: FrameRecord) -> ShutterTiming:
         """The shutter of one frame."""
         camera, direction = self.settings.camera, self.settings.direction
-        scanlines = camera.rows if direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else camera.cols
+        scanlines = camera.rows if direction.by_row else camera.cols
         return ShutterTiming(exposure=frame.timing.exposure_s, row_time=frame.timing.row_time_s, rows=scanlines, direction=direction)
 
 

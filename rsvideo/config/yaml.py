@@ -1,6 +1,8 @@
-"""YAML as people write it, read so that no file can harm and every fault is told with its line.
+"""YAML as people write it, read so that no file can harm and every fault is named with its line.
 
 Words mean what they mean in YAML 1.2: `no` and `on` are words, `1:30` and `2026-01-31` too, `5e-3` is a number and `010` is ten.
+Values are built here, from the parser's events: the loaders of PyYAML and ruamel.yaml follow aliases and merge keys, make dates and
+binaries, and recurse as deep as a file does before anybody can refuse it.
 """
 
 import difflib
@@ -24,6 +26,10 @@ Model = TypeVar("Model", bound=BaseModel)
 
 _INT = re.compile(r"[-+]?\d{1,18}")
 _FLOAT = re.compile(r"[-+]?(\.\d{1,30}|\d{1,30}(\.\d{0,30})?)([eE][-+]?\d{1,4})?")
+_MOST_COMPARED = 100  # characters of a word that are compared with the names there are
+_ALIKE = 0.6  # ratio of matching characters (difflib) from which on one name is taken to be meant by another
+_MOST_LISTED = 20  # names that fit one line of an error
+_MOST_SHOWN = 60  # characters of a value in an error
 _WORDS: Mapping[str, bool | None] = {"": None, "~": None, "null": None, "true": True, "false": False}
 _TAGS = {None, "!", *(f"tag:yaml.org,2002:{kind}" for kind in ("str", "map", "seq"))}
 _MESSAGES = {"extra_forbidden": "there is no such key", "missing": "must be given"}
@@ -52,7 +58,7 @@ class Positions:
         return f"{self.path}:{self.lines.get(key, 1)}"
 
     def fault(self, key: Key, words: str) -> str:
-        """The line that tells what is wrong with the value of a key."""
+        """The line that says what is wrong with the value of a key."""
         name = ".".join(shown(part) for part in key)
         return f"{self.where(key)}: {name + ': ' if name else ''}{words}"
 
@@ -85,31 +91,32 @@ def read(path: Path, model: type[Model]) -> Model:
 
 
 def validated(model: type[Model], data: object, positions: Positions) -> Model:
-    """`data` as `model` understands it; every fault is told with its line and, for a slip of the pen, what was meant."""
+    """`data` as `model` understands it; every fault is named with its line and, for a slip of the pen, what was meant."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
         found = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] == "missing")  # a key may only be misspelt
-        faults = [positions.fault(*_told(model, fault)) for fault in found]
+        faults = [positions.fault(*_explained(model, fault)) for fault in found]
         raise ConfigError(*dict.fromkeys(faults)) from error
 
 
-def meant(word: object, known: Iterable[str]) -> str:
-    """`; did you mean ...` for a word that is nearly one of those known, else what is known."""
-    names = {name.lower(): name for name in known}
-    if near := difflib.get_close_matches(str(word).lower()[:100], names, n=1, cutoff=0.6):
-        return f"; did you mean {names[near[0]]}?"
-    return f"; there is {', '.join(names.values())}" if 0 < len(names) <= 20 else ""
+def meant(word: object, names: Iterable[str]) -> str:
+    """`; did you mean ...` for a word that is nearly one of `names`, else what there is."""
+    by_spelling = {name.lower(): name for name in names}
+    if near := difflib.get_close_matches(str(word).lower()[:_MOST_COMPARED], by_spelling, n=1, cutoff=_ALIKE):
+        return f"; did you mean {by_spelling[near[0]]}?"
+    return f"; there is {', '.join(by_spelling.values())}" if 0 < len(by_spelling) <= _MOST_LISTED else ""
 
 
 def shown(value: object) -> str:
     """A value as an error line may show it: printable, and not too long."""
     text = str(value) if isinstance(value, str | int) else repr(value)
     text = text if text.isprintable() else repr(text)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= _MOST_SHOWN else text[: _MOST_SHOWN - 3] + "..."
 
 
-def _told(model: type[BaseModel], fault: Any) -> tuple[Key, str]:
+def _explained(model: type[BaseModel], fault: Any) -> tuple[Key, str]:
+    """The key of a fault that pydantic found, and what is wrong there in our words."""
     key, kind = tuple(fault["loc"]), fault["type"]
     words = _MESSAGES.get(kind) or str(fault["msg"]).removeprefix("Value error, ")
     if kind == "extra_forbidden":

@@ -17,7 +17,8 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.physics.warp import taps
 
-SAMPLES = 30  # K of Eq. (3)
+SAMPLES = 30  # K of Eq. (3); the paper's (Sec. 5)
+LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
 PARTS = 8  # private copies of the latent image, at most, into which threads scatter
 
 
@@ -219,10 +220,10 @@ def _reach(maps: Float[np.ndarray, "s k 3 3"], image_from_scan: Float[np.ndarray
     """The largest move of any pixel in the image's x and y."""
     x, y = np.meshgrid(np.linspace(0, along - 1, 5), np.arange(rows))
     at = np.stack([x, y, np.ones_like(x)])  # (3, scanlines, 5)
-    seen = np.einsum("skab,bsc->aksc", maps, at)
-    if not (seen[2] > 0.1).all():
+    mapped = np.einsum("skab,bsc->aksc", maps, at)
+    if not (mapped[2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    move = np.abs(image_from_scan[:2, :2]) @ np.abs(seen[:2] / seen[2] - at[:2, None]).reshape(2, -1)
+    move = np.abs(image_from_scan[:2, :2]) @ np.abs(mapped[:2] / mapped[2] - at[:2, None]).reshape(2, -1)
     return float(move[0].max()), float(move[1].max())
 
 

@@ -1,11 +1,13 @@
 """Which ray each pixel looks along, and where it moves when the camera turns."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
+
+from rsvideo.physics.shutter import Direction, ShutterTiming
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +37,28 @@ class Intrinsics:
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """C: camera coordinates to homogeneous pixels."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A rolling-shutter camera as it takes a frame: when each scanline collects light, where its pixels look, how noisy they are."""
+
+    timing: ShutterTiming
+    intrinsics: Intrinsics  # of the frame as it is stored
+    noise: float | None = None  # standard deviation of a channel in linear light; None where it is to be measured in each frame
+
+    def __post_init__(self) -> None:
+        if self.noise is not None and not 0 <= self.noise < 1:
+            raise ValueError(f"noise must lie in [0, 1) of white, got {self.noise:g}; is it in 8-bit codes?")
+
+    def along_scanlines(self) -> "Camera":
+        """The same camera, turned with its frames so that the scanlines are read from top to bottom."""
+        direction, lens = self.timing.direction, self.intrinsics
+        if direction in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT):
+            lens = replace(lens, fx=lens.fy, fy=lens.fx, cx=lens.cy, cy=lens.cx, rows=lens.cols, cols=lens.rows)
+        if direction in (Direction.BOTTOM_TO_TOP, Direction.RIGHT_TO_LEFT):
+            lens = replace(lens, cy=lens.rows - 1 - lens.cy)
+        return replace(self, timing=replace(self.timing, direction=Direction.TOP_TO_BOTTOM), intrinsics=lens)
 
 
 def turned(

@@ -3,8 +3,8 @@
 All pixels of a scanline see the same path, so along the scanline the blur is a convolution and a Fourier transform
 diagonalises it:  b^(i, f) = sum_j A_f(i, j) l^(j, f),  A_f(i, j) = (1/K) sum_k exp(2 pi i f dx_ik) w(j - i - dy_ik),
 with w the interpolation weight across rows. A_f is banded: its width is the vertical extent of one scanline's path.
-A PSF that no path tells is the same sum with a weight of its own for each sample instead of 1/K.
-Su & Heidrich (Sec. 5.3) hold Fourier methods to be ruled out; for their own 2-D model they are exact.
+A PSF without a path is the same sum with a weight of its own for each sample instead of 1/K.
+Su & Heidrich (Sec. 5.3) hold Fourier methods to be ruled out; for the paper's 2-D model they are exact.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from numba import njit, prange
 
 from rsvideo.physics.warp import TAPS, taps
 
-_LANES = 16
+_LANES = 16  # frequencies side by side, as in solvers.banded
 
 
 @no_type_check
@@ -185,7 +185,7 @@ def row_fourier(
 ) -> RowFourier:
     """The operator of a frame of `cols` columns whose scanline i samples the latent image at offsets `displacement[i, k]` (x, y).
 
-    `weights` say what part of the scanline's light each sample sends, all the same by default; they sum to 1 a scanline.
+    `weights` are the parts of the scanline's light that the samples send, all the same by default; they sum to 1 a scanline.
     """
     rows = len(displacement)
     dx, dy = displacement[..., 0], displacement[..., 1]

@@ -7,16 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-LONGEST = 10.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
+LONGEST_MODELLED = 10.0  # seconds; an exposure or readout of this length or more is a slip of the unit on any stand
 
 
 class Direction(enum.StrEnum):
-    """The way the readout travels over the stored image."""
+    """How the readout travels over the stored image."""
 
     TOP_TO_BOTTOM = "top-to-bottom"
     BOTTOM_TO_TOP = "bottom-to-top"
     LEFT_TO_RIGHT = "left-to-right"
     RIGHT_TO_LEFT = "right-to-left"
+
+    @property
+    def by_row(self) -> bool:
+        """Whether scanlines are rows of the stored image; else they are its columns."""
+        return self in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
 
     def scanlines(self, image: np.ndarray) -> np.ndarray:
         """The view of `image` (rows, cols, ...) whose first axis counts scanlines in the order they are read."""
@@ -32,7 +37,7 @@ class Direction(enum.StrEnum):
 
     @property
     def pose_from_scanlines(self) -> Float[np.ndarray, "3 3"]:
-        """The signed permutation that takes a pose (x, y, roll) seen along the scanlines to the pose in the image."""
+        """The signed permutation that takes a pose (x, y, roll) along the scanlines to the pose in the image."""
         match self:
             case Direction.TOP_TO_BOTTOM:
                 return np.eye(3)
@@ -42,6 +47,16 @@ class Direction(enum.StrEnum):
                 return np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
             case Direction.RIGHT_TO_LEFT:
                 return np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+    def poses_along_scanlines(self, poses: Float[np.ndarray, "*n axes"]) -> Float[np.ndarray, "*n axes"]:
+        """Poses (x, y[, roll]) in the image's axes, or a path's coefficients, along the scanlines."""
+        axes = poses.shape[-1]
+        return poses @ self.pose_from_scanlines[:axes, :axes]
+
+    def poses_in_image(self, poses: Float[np.ndarray, "*n axes"]) -> Float[np.ndarray, "*n axes"]:
+        """The inverse of `poses_along_scanlines`."""
+        axes = poses.shape[-1]
+        return poses @ self.pose_from_scanlines[:axes, :axes].T
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,13 +72,13 @@ class ShutterTiming:
     direction: Direction = Direction.TOP_TO_BOTTOM
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.exposure) and 0 < self.exposure < LONGEST):
-            raise ValueError(f"exposure must lie in (0, {LONGEST:g}) s, got {self.exposure:g} s; is it in milliseconds?")
+        if not (math.isfinite(self.exposure) and 0 < self.exposure < LONGEST_MODELLED):
+            raise ValueError(f"exposure must lie in (0, {LONGEST_MODELLED:g}) s, got {self.exposure:g} s; is it in milliseconds?")
         if self.rows < 1:
             raise ValueError(f"rows must be at least 1, got {self.rows}; is the image empty?")
-        if not (math.isfinite(self.row_time) and 0 <= self.readout < LONGEST):
+        if not (math.isfinite(self.row_time) and 0 <= self.readout < LONGEST_MODELLED):
             raise ValueError(
-                f"readout must lie in [0, {LONGEST:g}) s, got {self.readout:g} s"
+                f"readout must lie in [0, {LONGEST_MODELLED:g}) s, got {self.readout:g} s"
                 f" ({self.rows} rows of {self.row_time:g} s); is it in milliseconds?"
             )
 

@@ -16,7 +16,7 @@ _C = TypeVar("_C", bound="_Curve")  # not typing.Self, which cannot be checked a
 class Trajectory(Protocol):
     """A path p(t) of poses (x in px, y in px, and roll in rad where there is a third column), Eq. (6)-(7).
 
-    A pose says where the latent image is sampled: positive x takes the sample from the right.
+    A pose is where the latent image is sampled: positive x takes the sample from the right.
     """
 
     @property

@@ -6,7 +6,7 @@ who restores which chunk.
 
 import hashlib
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -20,7 +20,7 @@ from rsvideo.pipeline import clip_frames, methods, output
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
-from rsvideo.restoration.multi_frame import Movement
+from rsvideo.restoration.movement import Movement
 from rsvideo.shooting import known_motion as motion_file
 from rsvideo.video import colour, cuts, decode, planes, vidstab
 from rsvideo.video.stream import Picture
@@ -46,23 +46,19 @@ def chunks(task: Task) -> list[Chunk]:
 
 
 def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
-    """Restore a chunk into a file of `folder`; `observe` gets how much of the chunk is done."""
-
-    def tell(stage: str, index: int, fraction: float) -> None:  # the fraction of that frame; none while it warms up
-        observe(Progress(stage=stage, fraction=max(0.0, index - chunk.first + fraction) / chunk.frames, frame=index))
-
+    """Restore a chunk into a file of `folder`; `observe` gets how much of each frame is done."""
     begin, end = chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, task.last)
     pictures = list(clip_frames.pictures(task, begin, end))
     if task.request.deblur.method.steadied:
         pictures = _steadied(task, pictures, folder)
-    moving = _movement(task, pictures, lambda index: tell("motion", index, 0.0))
+    moving = _movement(task, pictures, observe)
     mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
     wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
     record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
     lines: list[bytes] = []
 
     def shown() -> Iterator[Picture]:
-        for k, (picture, result) in enumerate(zip(wanted, _results(task, wanted, moving, tell), strict=True)):
+        for k, (picture, result) in enumerate(zip(wanted, _results(task, wanted, moving, observe), strict=True)):
             lines.append(output.frame_record(result, moving.steps[k] if moving.tied[k] else None).encode() + b"\n")
             restored = result.verdict is Verdict.RESTORED
             yield colour.codes(result.latent, picture, task.stream.colour) if restored else picture
@@ -85,7 +81,7 @@ def _steadied(task: Task, pictures: list[Picture], folder: Path) -> list[Picture
     return [replace(before, planes=after.planes) for before, after in zip(pictures, laid, strict=True)]
 
 
-def _results(task: Task, pictures: list[Picture], moving: Movement, tell: Callable[[str, int, float], None]) -> Iterator[FrameResult]:
+def _results(task: Task, pictures: list[Picture], moving: Movement, observe: Observer) -> Iterator[FrameResult]:
     """What becomes of each picture, in order."""
     for damaged, some in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
         indices = list(some)
@@ -94,13 +90,13 @@ def _results(task: Task, pictures: list[Picture], moving: Movement, tell: Callab
             verdict = Verdict.DAMAGED if damaged else Verdict.UNTOUCHED
             for frame in frames:
                 yield methods.untouched(task.treatment, frame, verdict)
-                tell("passed on", frame.index, 1.0)
+                observe(Progress(stage="passed on", fraction=1.0, frame=frame.index))
         else:
             part = moving.part(indices[0], indices[-1] + 1)
-            yield from methods.run(task.treatment, frames, part, lambda index, fraction: tell("restoring", index, fraction))
+            yield from methods.run(task.treatment, frames, part, observe)
 
 
-def _movement(task: Task, pictures: Sequence[Picture], observe: Callable[[int], None]) -> Movement:
+def _movement(task: Task, pictures: Sequence[Picture], observe: Observer) -> Movement:
     """The motion within each frame, and from each to the next."""
     camera = task.camera.intrinsics
     if task.request.motion.trajectory is not None:

@@ -1,6 +1,5 @@
 """One clip, from file to file: its chunks restored, and all of them encoded as the original was."""
 
-import hashlib
 import json
 import tempfile
 from collections import Counter
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config import sidecar
-from rsvideo.config.files import write_whole
+from rsvideo.config.files import sha256, write_whole
 from rsvideo.config.method import Method
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Verdict
@@ -23,8 +22,8 @@ from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.shooting import gcsv
 from rsvideo.video import colour, planes
-from rsvideo.video.encode import Writer
-from rsvideo.video.stream import Picture, Stream
+from rsvideo.video.stream import Picture
+from rsvideo.video.writer import Writer
 
 
 def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
@@ -86,8 +85,8 @@ def carry_out(task: Task, observe: Observer) -> Outcome:
         for chunk in chunks(task):
 
             def tell(at: Progress, chunk=chunk, done=done) -> None:
-                fraction = (done + chunk.frames * at.fraction) / task.frames
-                observe(Progress(stage=f"frame {at.frame}: {at.stage}", fraction=fraction, frame=at.frame))
+                fraction = (done + chunk.done(at)) / task.frames
+                observe(Progress(stage=f"frame {at.frame}: {at.stage}", fraction=fraction))
 
             records.append(work(task, chunk, folder, tell))
             done += chunk.frames
@@ -110,14 +109,5 @@ def _beside(before: Picture, after: Picture, cols: int) -> Picture:
 def _settings(task: Task) -> sidecar.Settings:
     assert task.encoding is not None
     encoding = json.loads(json.dumps(asdict(task.encoding)))
-    return output.settings_record(task, task.stream.colour.transfer.value, input_sha256=_sha256(task.stream), encoding=encoding)
-
-
-def _sha256(stream: Stream) -> str:
-    """Of the file, or of a sequence's files one after the other."""
-    digest = hashlib.sha256()
-    for path in stream.files or (stream.path,):
-        with path.open("rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()
+    digest = sha256(*(task.stream.files or (task.stream.path,)))
+    return output.settings_record(task, task.stream.colour.transfer.value, input_sha256=digest, encoding=encoding)

@@ -22,7 +22,7 @@ def chunks(task: Task) -> list[Chunk]:
 
 
 def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
-    """Restore a piece into files of `folder`; `observe` gets how much of the piece is done."""
+    """Restore a piece into files of `folder`; `observe` gets how much of each frame is done."""
     return _kind(task).work(task, chunk, folder, observe)
 
 

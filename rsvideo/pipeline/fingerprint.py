@@ -7,17 +7,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from rsvideo.config.files import sha256
 from rsvideo.config.request import Request, option_fields
 
 WHOLE = 64_000_000  # bytes; of larger files, and in folders, the size, the time of the last change and both ends are taken
 _END = 4_000_000
 _END_IN_FOLDER = 64_000
-
-
-def of_file(path: Path) -> str:
-    """SHA-256 of all bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def of_source(path: Path) -> str:
@@ -27,7 +22,7 @@ def of_source(path: Path) -> str:
     if path.is_dir():
         ends = [[each.name, _ends(each, _END_IN_FOLDER)] for each in sorted(path.iterdir()) if each.is_file()]
         return of_values({"folder": ends})
-    return of_file(path) if path.stat().st_size <= WHOLE else _ends(path, _END)
+    return sha256(path) if path.stat().st_size <= WHOLE else _ends(path, _END)
 
 
 def of_request(request: Request) -> str:
@@ -36,7 +31,7 @@ def of_request(request: Request) -> str:
     for each in option_fields():
         value = request.value(each)
         if each.option.is_file and value is not None and Path(value).is_file():
-            stated[each.section][each.name] = of_file(Path(value))
+            stated[each.section][each.name] = sha256(Path(value))
     return of_values({**stated, "rsvideo": version("rsvideo")})
 
 

@@ -9,13 +9,14 @@ import numpy as np
 from rsvideo.baselines import gyro
 from rsvideo.config.request import Motion
 from rsvideo.frame import Frame
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.gyro import GyroLog
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration import multi_frame
-from rsvideo.restoration.multi_frame import Movement, Run
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.restoration import clip_motion
+from rsvideo.restoration.clip_motion import Run
+from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import gyro_log
 from rsvideo.shooting.gyro_log import Recorded
 from rsvideo.video import gyroscope
@@ -33,19 +34,19 @@ class Gyro:
     axes: str
     note: str
 
-    def within(self, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
+    def within(self, camera: Camera) -> Trajectory:
         """The motion of a photograph, whose first scanline opens at time 0."""
-        (way,) = self.movement(np.zeros(1), timing, intrinsics).within
-        assert way is not None
-        return way
+        (path,) = self.movement(np.zeros(1), camera).within
+        assert path is not None
+        return path
 
     def check_cover(self, begins: np.ndarray, timing: ShutterTiming) -> None:
         """Refuse a log that does not reach over frames that begin at `begins` seconds."""
         gyro.check_cover(self.log, begins, timing, self.offset)
 
-    def movement(self, begins: np.ndarray, timing: ShutterTiming, intrinsics: Intrinsics) -> Movement:
+    def movement(self, begins: np.ndarray, camera: Camera) -> Movement:
         """The motion of frames that begin at `begins` seconds."""
-        return gyro.movement(self.log, begins, timing, intrinsics, offset=self.offset, axes=self.axes)
+        return gyro.movement(self.log, begins, camera, offset=self.offset, axes=self.axes)
 
     def refined(self, run: Run) -> Movement:
         """The same, corrected by what the frames show."""
@@ -70,7 +71,7 @@ def placed(
     axes = stated.gyro_axes or ("XYZ" if found.offset is not None else None)
     if offset is not None and axes is not None:
         return Gyro(log=found.log, offset=offset, axes=axes, note=f"gyroscope: offset {offset:.4g} s, axes {axes}")
-    run = multi_frame.seen(frames, timing, intrinsics, settings, lambda _: None, blur=False)
+    run = clip_motion.gather(frames, Camera(timing=timing, intrinsics=intrinsics), settings, blur=False)
     at = gyro.aligned(found.log, run, offset=offset, axes=axes)
     note = (
         f"gyroscope: offset {at.offset:.4f} +- {at.spread:.4f} s, axes {at.axes}, by how the picture moves"

@@ -1,6 +1,6 @@
 """How frames are treated by each method, with the same light, the same noise and the same final solver."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,14 +9,17 @@ from jaxtyping import Float
 from rsvideo.baselines import gyro, nonuniform, rectify, stitch, uniform
 from rsvideo.config.method import Method
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.paper import estimate as paper
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline.gyro_alignment import Gyro
-from rsvideo.restoration import multi_frame, single_frame
-from rsvideo.restoration.multi_frame import Movement
+from rsvideo.progress import Observer, Progress, ignore
+from rsvideo.restoration import clip_motion, multi_frame, search, single_frame
+from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.single_frame import Iterate, Settings
+from rsvideo.restoration.scanlines import View, to_scanlines
+from rsvideo.restoration.search import Estimator
+from rsvideo.restoration.settings import Settings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,89 +30,92 @@ class Treatment:
     settings: Settings
     block_rows: int | None  # of stitch; None is a third of the frame
     gyro: Gyro | None  # of the methods that need one
-    timing: ShutterTiming
-    timing_source: str
-    intrinsics: Intrinsics
+    camera: Camera
+    timing_source: str  # where the timing comes from, for the record
+
+    @property
+    def estimate(self) -> Estimator:
+        """How a trajectory is found from one frame: as in the paper where one of its steps is chosen."""
+        return paper.estimate if paper.chosen(self.settings) else search.estimate
 
 
-def photograph(asked: Treatment, frame: Frame, trajectory: Trajectory | None, observe: Callable[[Iterate], None]) -> FrameResult:
-    """What becomes of one frame by itself; `trajectory` is the motion where it is known."""
-    if asked.method in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
-        start = None
-        if asked.gyro is not None:
-            trajectory = asked.gyro.within(asked.timing, asked.intrinsics)
-        if asked.method is Method.GYRO_REFINE and trajectory is not None:
-            trajectory, start = None, gyro.first(trajectory)
-        return single_frame.restore(
-            frame,
-            asked.timing,
-            asked.intrinsics,
-            asked.settings,
-            timing_source=asked.timing_source,
-            trajectory=trajectory,
-            start=start,
-            observe=observe,
-        )
-    return _single(asked, frame, None, None)
-
-
-def movement(asked: Treatment, frames: Iterable[Frame], begins: Float[np.ndarray, " frames"], observe: Callable[[int], None]) -> Movement:
-    """How the camera moved in successive frames that begin at `begins`, as far as the method asks; `observe` is told of each taken in."""
-    if asked.method is Method.GYRO and asked.gyro:
-        return asked.gyro.movement(begins, asked.timing, asked.intrinsics)
-    if asked.method is Method.GYRO_REFINE and asked.gyro:
-        return asked.gyro.refined(multi_frame.seen(frames, asked.timing, asked.intrinsics, asked.settings, observe))
-    if asked.method.rectifies:
-        return rectify.movement(frames, asked.timing, asked.intrinsics, asked.settings, observe)
-    if asked.method is Method.RSVIDEO and asked.settings.frames != "cold":
-        return multi_frame.movement(frames, asked.timing, asked.intrinsics, asked.settings, observe)
-    return multi_frame.unknown(len(begins), 3)
-
-
-def run(asked: Treatment, frames: Iterable[Frame], moving: Movement, observe: Callable[[int, float], None]) -> Iterator[FrameResult]:
-    """What becomes of successive frames whose motion is `moving`, in order."""
-    if asked.method in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
-        yield from multi_frame.restored(
-            frames, moving, asked.timing, asked.intrinsics, asked.settings, timing_source=asked.timing_source, observe=observe
-        )
-        return
-    for frame, way, flow in zip(frames, moving.within, moving.flows or [None] * len(moving.within), strict=True):
-        yield _single(asked, frame, way, flow)
-        observe(frame.index, 1.0)
-
-
-def untouched(asked: Treatment, frame: Frame, verdict: Verdict) -> FrameResult:
-    """The frame as it came."""
-    return FrameResult(
-        frame=frame,
-        timing=asked.timing,
-        timing_source=asked.timing_source,
-        trajectory=still(asked.timing.interval, degree=1, axes=3),
-        latent=frame.pixels,
-        verdict=verdict,
-        seconds=0.0,
+def photograph(treatment: Treatment, frame: Frame, trajectory: Trajectory | None, observe: Observer = ignore) -> FrameResult:
+    """What becomes of one frame by itself; `trajectory` is the motion where it is given, in image axes."""
+    view = to_scanlines(frame, treatment.camera)
+    if treatment.method not in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
+        return _recorded(treatment, _single(treatment, view, None, None))
+    start = None
+    if treatment.gyro is not None:
+        trajectory = treatment.gyro.within(treatment.camera)
+    if treatment.method is Method.GYRO_REFINE and trajectory is not None:
+        trajectory, start = None, gyro.first(trajectory)
+    result = single_frame.restore(
+        view, treatment.settings, trajectory=trajectory, start=start, estimate=treatment.estimate, observe=observe
     )
+    return _recorded(treatment, result)
 
 
-def _single(asked: Treatment, frame: Frame, way: Trajectory | None, flow: Flow | None) -> FrameResult:
-    timing, camera, settings, source = asked.timing, asked.intrinsics, asked.settings, asked.timing_source
-    match asked.method:
+def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.ndarray, " frames"], observe: Observer = ignore) -> Movement:
+    """How the camera moved in successive frames that begin at `begins`, as far as the method needs it, in image axes."""
+    camera, settings = treatment.camera, treatment.settings
+    if treatment.method is Method.GYRO and treatment.gyro:
+        return treatment.gyro.movement(begins, camera)
+    if treatment.method is Method.GYRO_REFINE and treatment.gyro:
+        return treatment.gyro.refined(clip_motion.gather(frames, camera, settings, observe))
+    if treatment.method.rectifies:
+        return rectify.movement(frames, camera, settings, observe)
+    if treatment.method is Method.RSVIDEO and settings.frames != "cold":
+        return clip_motion.movement(frames, camera, settings, observe)
+    return Movement.unfollowed(len(begins), 3)
+
+
+def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe: Observer = ignore) -> Iterator[FrameResult]:
+    """What becomes of successive frames whose motion is `moving`, in order."""
+    camera, settings = treatment.camera, treatment.settings
+    if treatment.method in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
+        results = multi_frame.restored(frames, moving, camera, settings, estimate=treatment.estimate, observe=observe)
+        yield from (_recorded(treatment, result) for result in results)
+        return
+    moving = moving.along_scanlines(camera.timing.direction)
+    for frame, path, flow in zip(frames, moving.within, moving.flows or [None] * len(moving.within), strict=True):
+        yield _recorded(treatment, _single(treatment, to_scanlines(frame, camera), path, flow))
+        observe(Progress(stage="restoring", fraction=1.0, frame=frame.index))
+
+
+def untouched(treatment: Treatment, frame: Frame, verdict: Verdict) -> FrameResult:
+    """The frame as it came."""
+    timing = treatment.camera.timing
+    rest = still(timing.interval, degree=1, axes=3)
+    result = FrameResult(frame=frame, timing=timing, trajectory=rest, latent=frame.pixels, verdict=verdict, seconds=0.0)
+    return _recorded(treatment, result)
+
+
+def _recorded(treatment: Treatment, result: FrameResult) -> FrameResult:
+    """The result with what its record holds besides: solvers do not ask where a timing comes from."""
+    return replace(result, timing_source=treatment.timing_source)
+
+
+def _single(treatment: Treatment, view: View, path: Trajectory | None, flow: Flow | None) -> FrameResult:
+    """What becomes of a frame by one of the baselines; `path` and `flow` are along the scanlines."""
+    settings = treatment.settings
+    match treatment.method:
         case Method.VIDSTAB:
-            return untouched(asked, frame, Verdict.RESTORED)  # which it was before it came here
+            return untouched(treatment, view.source, Verdict.RESTORED)  # which it was before it came here
         case Method.UNIFORM | Method.VIDSTAB_UNIFORM:
-            return uniform.restored(frame, timing, settings, timing_source=source)
+            return uniform.restored(view, settings)
         case Method.NONUNIFORM:
-            return nonuniform.restored(frame, timing, camera, settings, timing_source=source)
+            return nonuniform.restored(view, settings)
         case Method.STITCH:
-            return stitch.restored(frame, timing, settings, block_rows=asked.block_rows, timing_source=source)
+            return stitch.restored(view, settings, block_rows=treatment.block_rows)
         case Method.RECTIFY:
-            return rectify.restored(frame, way, timing, camera, flow=flow, timing_source=source)
+            return rectify.restored(view, path, flow=flow)
         case Method.RECTIFY_UNIFORM | Method.RECTIFY_NONUNIFORM:
-            straight, seen = rectify.straightened(frame, way, timing, camera, flow=flow, timing_source=source)
-            after = Method.UNIFORM if asked.method is Method.RECTIFY_UNIFORM else Method.NONUNIFORM
-            sharp = _single(replace(asked, method=after, timing=rectify.after(timing)), seen, None, None)
+            rectified, straight = rectify.straightened(view, path, flow=flow)
+            method = uniform if treatment.method is Method.RECTIFY_UNIFORM else nonuniform
+            sharp = method.restored(straight, settings)
+            seconds = rectified.seconds + sharp.seconds
             if sharp.verdict is not Verdict.RESTORED:
-                return replace(straight, seconds=straight.seconds + sharp.seconds)
-            return replace(sharp, frame=frame, timing=timing, trajectory=straight.trajectory, seconds=straight.seconds + sharp.seconds)
+                return replace(rectified, seconds=seconds)
+            return replace(sharp, trajectory=rectified.trajectory, seconds=seconds)
         case _:
-            return untouched(asked, frame, Verdict.UNTOUCHED)
+            return untouched(treatment, view.source, Verdict.UNTOUCHED)

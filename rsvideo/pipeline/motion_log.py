@@ -8,7 +8,7 @@ import numpy as np
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.restoration import multi_frame
+from rsvideo.restoration.movement import joined
 from rsvideo.shooting.gcsv import Part
 
 _AT_A_TIME = 16, 0.1  # frames; and seconds, of which there may be more
@@ -24,7 +24,7 @@ def parts(frames: Iterable[FrameRecord], rate: float, timing: ShutterTiming, int
         begins = near[0].time_s if begins is None else begins
         steps = np.array([frame.to_next or [0.0] * 3 for frame in near])
         within = [(np.array(frame.trajectory.t_s), frame.trajectory.poses()) for frame in near]
-        t, poses = multi_frame.joined(np.array([frame.time_s for frame in near]), within, steps, timing)
+        t, poses = joined(np.array([frame.time_s for frame in near]), within, steps, timing)
         if len(t) < _FEWEST:
             return
         x, y, roll = (pose + poses).T

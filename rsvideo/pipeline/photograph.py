@@ -12,7 +12,7 @@ from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.pipeline import methods, output
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome, frame_records
 from rsvideo.pipeline.prepare import Task
-from rsvideo.progress import Observer, Progress
+from rsvideo.progress import Observer
 from rsvideo.shooting import known_motion
 from rsvideo.stills import still
 from rsvideo.stills.still import Format
@@ -54,9 +54,7 @@ def _restored(task: Task, observe: Observer) -> FrameResult:
     given = task.request.motion.trajectory
     trajectory = None if given is None else known_motion.read(given, task.timing, task.camera.intrinsics)
     frame = Frame(pixels=task.still.pixels, clipped=task.still.clipped)
-    return methods.photograph(
-        task.treatment, frame, trajectory, lambda at: observe(Progress(stage=at.stage, fraction=at.fraction, frame=frame.index))
-    )
+    return methods.photograph(task.treatment, frame, trajectory, observe)
 
 
 def _encoded(task: Task, result: FrameResult) -> tuple[bytes, tuple[str, ...]]:

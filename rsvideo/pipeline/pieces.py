@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Verdict
+from rsvideo.progress import Progress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +25,10 @@ class Chunk:
     def frames(self) -> int:
         """How many are restored."""
         return self.last - self.first + 1
+
+    def done(self, at: Progress) -> float:
+        """How many of its frames are done, while one of them is worked on; none while it warms up."""
+        return max(0.0, (self.first if at.frame is None else at.frame) - self.first + at.fraction)
 
 
 class ChunkRecord(BaseModel):

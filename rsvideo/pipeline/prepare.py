@@ -10,18 +10,19 @@ from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Request
+from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import gyro_alignment, output, take
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Take
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing
 from rsvideo.stills.still import Format, Still
 
 if TYPE_CHECKING:
-    from rsvideo.video.encoding import Encoding
+    from rsvideo.video.output_format import Encoding
     from rsvideo.video.stream import Stream
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
@@ -90,9 +91,8 @@ class Task:
             settings=self.settings,
             block_rows=self.request.deblur.block_rows,
             gyro=self.gyro,
-            timing=self.timing,
+            camera=physics.Camera(timing=self.timing, intrinsics=self.camera.intrinsics),
             timing_source=self.timing_source,
-            intrinsics=self.camera.intrinsics,
         )
 
     @property
@@ -177,7 +177,7 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     if isinstance(opened.source, Still):
         return 0, 1, None, ()
     from rsvideo.pipeline import clip_facts
-    from rsvideo.video.encoding import Encoding, chosen
+    from rsvideo.video.output_format import Encoding, chosen
 
     first, last = clip_facts.frame_range(opened.source, request.input.range)
     wanted = request.encoding

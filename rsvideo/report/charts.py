@@ -29,7 +29,7 @@ class Series:
 
     name: str
     style: str  # a class of the page's style: c0, c1, ... or grey, ink
-    look: int  # of dashes and markers
+    pattern: int  # of dashes and markers
     x: Sequence[float]
     y: Sequence[float]
 
@@ -65,11 +65,11 @@ def lines(series: Sequence[Series], *, x_label: str, y_label: str, width: int, h
     return Markup("").join([*parts, Markup("</svg>")])
 
 
-def key(style: str, look: int) -> Markup:
+def key(style: str, pattern: int) -> Markup:
     """A line's sample for a legend."""
-    marker = _marker((18, 8), style, look)
+    marker = _marker((18, 8), style, pattern)
     return Markup('<svg class="key" viewBox="0 0 36 16" width="36" height="16" aria-hidden="true">{}{}</svg>').format(
-        Markup('<path class="line {}" stroke-dasharray="{}" d="M0,8H36"/>').format(style, DASHES[look % len(DASHES)]), marker
+        Markup('<path class="line {}" stroke-dasharray="{}" d="M0,8H36"/>').format(style, DASHES[pattern % len(DASHES)]), marker
     )
 
 
@@ -81,13 +81,16 @@ def _line(points: Sequence[tuple[float, float] | None], s: Series) -> list[Marku
             continue
         path.append(f"{pen}{point[0]:.1f},{point[1]:.1f}")
         pen = "L"
-    drawn = Markup('<path class="line {}" stroke-dasharray="{}" d="{}"/>').format(s.style, DASHES[s.look % len(DASHES)], "".join(path))
+    drawn = Markup('<path class="line {}" stroke-dasharray="{}" d="{}"/>').format(s.style, DASHES[s.pattern % len(DASHES)], "".join(path))
     marked = [point for point in points if point is not None]
-    return [drawn, *(_marker(point, s.style, s.look) for point in marked[:: max(1, len(marked) // _FEW + 1) if len(marked) > _FEW else 1])]
+    return [
+        drawn,
+        *(_marker(point, s.style, s.pattern) for point in marked[:: max(1, len(marked) // _FEW + 1) if len(marked) > _FEW else 1]),
+    ]
 
 
-def _marker(point: tuple[float, float], style: str, look: int) -> Markup:
-    shape = MARKERS[look % len(MARKERS)]
+def _marker(point: tuple[float, float], style: str, pattern: int) -> Markup:
+    shape = MARKERS[pattern % len(MARKERS)]
     return Markup('<path class="dot {}" transform="translate({:.1f} {:.1f})" d="{}"/>').format(style, *point, shape)
 
 
@@ -95,7 +98,7 @@ def _opened(width: int, height: int, title: str) -> Markup:
     return Markup('<svg viewBox="0 0 {} {}" role="img" aria-label="{}">').format(width, height, escape(title))
 
 
-def trajectory(said: Sidecar, record: FrameRecord, *, width: int = 330, height: int = 250) -> Markup:
+def trajectory(sidecar: Sidecar, record: FrameRecord, *, width: int = 330, height: int = 250) -> Markup:
     """Position in pixels over time, with degrees on the right where the focal length is known, and the roll below."""
     ms = 1e3 * np.array(record.trajectory.t_s)
     thin = np.unique(np.linspace(0, len(ms) - 1, 60).round().astype(int))
@@ -109,7 +112,7 @@ def trajectory(said: Sidecar, record: FrameRecord, *, width: int = 330, height: 
     across = (width - left - right) / (ms[-1] - ms[0])
     up = (main - top) / (ys[-1] - ys[0])
     u = left + (ms[thin] - ms[0]) * across
-    camera = said.settings.camera
+    camera = sidecar.settings.camera
     parts = [_opened(width, height, "the camera's path over the frame's time")]
     for value in ys:
         v = main - (value - ys[0]) * up
@@ -120,15 +123,15 @@ def trajectory(said: Sidecar, record: FrameRecord, *, width: int = 330, height: 
             parts.append(
                 Markup('<text x="{}" y="{:.1f}">{}°</text>').format(width - right + 6, v + 4, f"{degrees + 0.0:.2g}".replace("-", "−"))
             )
-    timing = said.timing(record)
+    timing = sidecar.timing(record)
     middle = left + (1e3 * timing.middle - ms[0]) * across
     parts.append(Markup('<path class="axis" stroke-dasharray="2 3" d="M{:.1f},{}V{}"/>').format(middle, top, height - bottom))
     parts.append(Markup('<text x="0" y="11">px</text>'))
-    for name, values, style, look in (("x", x, "c0", 0), ("y", y, "c1", 1)):
+    for name, values, style, pattern in (("x", x, "c0", 0), ("y", y, "c1", 1)):
         path = "M" + "L".join(f"{a:.1f},{main - (b - ys[0]) * up:.1f}" for a, b in zip(u, values, strict=True))
-        parts.append(Markup('<path class="line {}" stroke-dasharray="{}" d="{}"/>').format(style, DASHES[look], path))
-        place = left + 30 + 62 * look
-        parts.append(Markup('<path class="line {}" stroke-dasharray="{}" d="M{},7h24"/>').format(style, DASHES[look], place))
+        parts.append(Markup('<path class="line {}" stroke-dasharray="{}" d="{}"/>').format(style, DASHES[pattern], path))
+        place = left + 30 + 62 * pattern
+        parts.append(Markup('<path class="line {}" stroke-dasharray="{}" d="M{},7h24"/>').format(style, DASHES[pattern], place))
         parts.append(Markup('<text x="{}" y="11">{}</text>').format(place + 30, name))
     if turns:
         reach = float(np.abs(roll).max())
@@ -149,7 +152,7 @@ def trajectory(said: Sidecar, record: FrameRecord, *, width: int = 330, height: 
 def falling(values: Sequence[float], *, width: int = 330, height: int = 160) -> Markup:
     """How an objective fell, step by step."""
     steps = list(range(len(values)))
-    series = Series(name="objective", style="c0", look=0, x=steps, y=list(values))
+    series = Series(name="objective", style="c0", pattern=0, x=steps, y=list(values))
     return lines(
         [series], x_label="step", y_label="objective", width=width, height=height, title="how the objective fell from step to step"
     )

@@ -11,11 +11,12 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 
+from rsvideo.physics.luminance import BT709_WEIGHTS
+
 BORDER = 40  # px left out on every side: what a moving camera saw there differs
 Colours = Float[np.ndarray, "rows cols channels"]
 Grey = Float[np.ndarray, "rows cols"]
 
-_LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _REACH = 10  # px that a profile goes to either side of its edge
 _STEP = 0.5  # px from one sample of a profile to the next
 _EDGES = 400  # strongest edges that are looked at
@@ -38,7 +39,7 @@ class Aligned:
 
 def luma(image: Colours) -> Grey:
     """BT.709's luma; grey stays itself."""
-    return image[..., 0].astype(np.float32) if image.shape[2] == 1 else image.astype(np.float32) @ _LUMA
+    return image[..., 0].astype(np.float32) if image.shape[2] == 1 else image.astype(np.float32) @ BT709_WEIGHTS
 
 
 def aligned(image: Colours, truth: Colours) -> Aligned:

@@ -71,8 +71,7 @@ def _draw_exposures(panel: Axes, timing: ShutterTiming) -> None:
     scanlines = np.array([0, timing.rows])
     opens = 1e3 * scanlines * timing.row_time
     panel.fill_betweenx(scanlines, opens, opens + 1e3 * timing.exposure, color=_GREY, alpha=0.4, lw=0)
-    by_row = timing.direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
-    panel.set(ylim=(timing.rows, 0), ylabel=f"{'row' if by_row else 'column'} open")
+    panel.set(ylim=(timing.rows, 0), ylabel=f"{'row' if timing.direction.by_row else 'column'} open")
     if timing.direction in (Direction.BOTTOM_TO_TOP, Direction.RIGHT_TO_LEFT):
         panel.set_ylabel(f"{panel.get_ylabel()}\n(from the end)")
 

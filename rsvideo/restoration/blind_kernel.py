@@ -15,15 +15,21 @@ import scipy.fft
 from jaxtyping import Complex, Float, Inexact
 
 SIZES = (31, 47, 69)  # tried in turn while the blur fills the smaller one
-FULL = 0.02  # a kernel with more than this share of its mass at its border needs a larger one
+FULL = 0.02  # a kernel with more than this share of its mass at its border needs a larger one; origin: by trial
+RIM = 10  # its border is the outermost 1 / RIM of its width
+SMALLEST = 5  # px, the kernel at the pyramid's top
+BORDER_IMAGES = 8  # kernels that fit along an image whose sides can be left out
+PROGRAM_STEPS = 150  # of projected gradients; origin: by trial
+EIGENVALUE_STEPS = 12  # of the power method, and SAFE times what it finds, as it comes from below
+SAFE = 1.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class KernelSettings:
     """How a uniform kernel is estimated."""
 
-    ridge: float = 0.2  # of the kernel, relative to the gradients' autocorrelation at zero
-    sparsity: float = 2.0  # weight of the L0 penalty, in mean squares of the image's gradients
+    ridge: float = 0.2  # of the kernel, relative to the gradients' autocorrelation at zero; with 0.005 kernels collapse towards a point
+    sparsity: float = 2.0  # weight of the L0 penalty, in mean squares of the image's gradients; falling weights collapse kernels too
     last_sparsity: float = 2.0  # where it ends, falling evenly over the finest scale's alternations
     steps: int = 5  # alternations a scale
     finest_steps: int = 5  # at the finest
@@ -63,7 +69,7 @@ class Observation:
 
     image: Float[np.ndarray, "rows cols"]
     inside: Float[np.ndarray, "rows cols"]  # 1 on the image, 0 on what joins it
-    trusted: Float[np.ndarray, "rows cols"]  # 1 where the latent image can tell the kernel
+    trusted: Float[np.ndarray, "rows cols"]  # 1 where the latent image determines the kernel
     gradients: list[Float[np.ndarray, "rows cols"]]  # of the image; 0 elsewhere
 
     @property
@@ -83,13 +89,13 @@ def observation(image: Float[np.ndarray, "rows cols"], margin: int, *, border: i
 
 
 def strong_gradients(
-    seen: Observation, kernel: Float[np.ndarray, "k k"], weight: float, settings: KernelSettings
+    observed: Observation, kernel: Float[np.ndarray, "k k"], weight: float, settings: KernelSettings
 ) -> list[Float[np.ndarray, "rows cols"]]:
     """The latent image's gradients where they are worth their L0 penalty; all of them where none is."""
-    latent = _gradients(l0_latent(seen.image, kernel, weight, settings))
-    keep = seen.trusted * (latent[0] ** 2 + latent[1] ** 2 > weight)
+    latent = _gradients(l0_latent(observed.image, kernel, weight, settings))
+    keep = observed.trusted * (latent[0] ** 2 + latent[1] ** 2 > weight)
     if not keep.any():
-        keep = seen.inside
+        keep = observed.inside
     return [g * keep for g in latent]
 
 
@@ -123,17 +129,17 @@ def correlations(
     return matrix.astype(np.float32), linear.ravel().astype(np.float32), max(float(auto[size - 1, size - 1]), 1e-12)
 
 
-def simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray, " n"], steps: int = 150) -> Float[np.ndarray, " n"]:
+def simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """argmin x^T A x / 2 - c^T x over x >= 0 by accelerated projected gradients, then scaled to sum 1."""
     v, largest = np.ones(len(linear), np.float32), 0.0
-    for _ in range(12):  # largest eigenvalue by the power method
+    for _ in range(EIGENVALUE_STEPS):  # largest eigenvalue by the power method
         v = matrix @ v
         largest = float(np.linalg.norm(v))
         v /= largest
     x = y = np.full(len(linear), 1 / len(linear), np.float32)
     t = 1.0
-    for _ in range(steps):
-        new = np.maximum(y - (matrix @ y - linear) / (1.05 * largest), 0)
+    for _ in range(PROGRAM_STEPS):
+        new = np.maximum(y - (matrix @ y - linear) / (SAFE * largest), 0)
         if float((y - new) @ (new - x)) > 0:
             t = 1.0  # restart, O'Donoghue & Candes 2015
         after = 0.5 * (1 + np.sqrt(1 + 4 * t * t))
@@ -169,8 +175,8 @@ def centre(kernel: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "k k"]:
 def estimate(image: Float[np.ndarray, "rows cols"], size: int, settings: KernelSettings) -> Iterator[Float[np.ndarray, "k k"]]:
     """The kernel after each scale of a pyramid of sqrt(2), coarse to fine; the last is `size` x `size` (odd)."""
     sizes = [size]
-    while sizes[-1] > 5:
-        sizes.append(2 * round(sizes[-1] / np.sqrt(2) / 2 - 0.25) + 1 if sizes[-1] > 7 else sizes[-1] - 2)
+    while sizes[-1] > SMALLEST:
+        sizes.append(2 * round(sizes[-1] / np.sqrt(2) / 2 - 0.25) + 1 if sizes[-1] > SMALLEST + 2 else sizes[-1] - 2)
     kernel = None
     for k in reversed(sizes):
         scale = k / size
@@ -181,14 +187,14 @@ def estimate(image: Float[np.ndarray, "rows cols"], size: int, settings: KernelS
         else:
             kernel = np.maximum(cv2.resize(kernel, (k, k), interpolation=cv2.INTER_LINEAR), 0)
             kernel = centre(kernel / kernel.sum())
-        away = settings.border and k == size and 8 * k <= min(image.shape)  # there the image holds but a part of the blur
-        seen = observation(scaled, k, border=k // 2 if away else 0)
+        away = settings.border and k == size and BORDER_IMAGES * k <= min(image.shape)  # there the image holds but a part of the blur
+        observed = observation(scaled, k, border=k // 2 if away else 0)
         steps = settings.finest_steps if k == size else settings.steps
         fall = settings.last_sparsity / settings.sparsity if k == size else 1.0
         for step in range(steps):
-            weight = settings.sparsity * fall ** ((step + 1) / steps) * seen.mean_square
-            edges = strong_gradients(seen, kernel, weight, settings)
-            kernel = clean(kernel_from_gradients(seen.gradients, edges, k, settings), settings.floor, settings.piece)
+            weight = settings.sparsity * fall ** ((step + 1) / steps) * observed.mean_square
+            edges = strong_gradients(observed, kernel, weight, settings)
+            kernel = clean(kernel_from_gradients(observed.gradients, edges, k, settings), settings.floor, settings.piece)
         yield kernel
 
 
@@ -204,8 +210,8 @@ def fitted(image: Float[np.ndarray, "rows cols"], sizes: Sequence[int], settings
 
 
 def border_share(kernel: Float[np.ndarray, "k k"]) -> float:
-    """The share of a kernel's mass in its outermost tenth."""
-    rim = max(1, len(kernel) // 10)
+    """The share of a kernel's mass at its border."""
+    rim = max(1, len(kernel) // RIM)
     return 1 - float(kernel[rim:-rim, rim:-rim].sum())
 
 

@@ -10,23 +10,28 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rsvideo.physics.camera import Intrinsics, lever
+from rsvideo.physics.camera import Camera, lever
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, still
-from rsvideo.restoration.psf_fit import shake_spread
+from rsvideo.restoration.hand_shake import pose_unit, shake_spread
 from rsvideo.restoration.tracks import TRACKED, Tracks
 
-KNOTS = 3  # spline pieces a frame's interval
-TERMS = 7  # of the polynomial that stands for the spline within one frame
-INDEPENDENT = 20  # points of a pair that count; the others share their errors, which blur causes
-STIFFNESS = 1.0  # of the prior on a hand's motion
+KNOTS = 3  # spline pieces a frame's interval; origin: by trial
+TERMS = 7  # of the polynomial that stands for the spline within one frame; origin: by trial
+INDEPENDENT = 20  # points of a pair that count; the others share their errors, which blur causes; origin: by trial
+STIFFNESS = 1.0  # of the prior on a hand's motion: as believed
 ROUNDS = 6  # of reweighting
 NODES = 33  # rows at which the basis is averaged; others by linear interpolation
+SAMPLES = 8  # of a row's exposure, over which the basis is averaged
+FIRST_REACH = 8.0  # px a frame's interval, by which the camera is believed to move before tracks are used; origin: by trial
+LEAST_REACH = 4.0  # px a frame's interval, the least that the prior believes after that; origin: by trial
+OUTLIER = 2.0  # times the typical residual, at which a point counts half (Cauchy's weights)
+FREE = 1e-6  # precision of every coefficient, in 1 / px^2: a spread of 1000 px, so that where the path begins is free
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Path:
-    """A path in px and rad over a run of frames, and how well it is known."""
+class CameraPath:
+    """A path in px and rad over a run of frames, and how precise it is."""
 
     spline: Spline  # seconds of the clip
     precision: Float[np.ndarray, "unknowns unknowns"]  # H, of the coefficients, row by row
@@ -60,21 +65,22 @@ def blank(begins: Float[np.ndarray, " frames"], timing: ShutterTiming, axes: int
 def follow(
     tracks: Sequence[Tracks],
     begins: Float[np.ndarray, " frames"],
-    timing: ShutterTiming,
-    intrinsics: Intrinsics,
+    camera: Camera,
     axes: int,
     *,
-    known: Path | None = None,
+    about: CameraPath | None = None,
     backwards: Sequence[int] = (),
-) -> Path:
-    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion, or about a known one.
+) -> CameraPath:
+    """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion or `about` a path.
 
     Frames whose index is among `backwards` were read from the last scanline to the first.
     """
-    path = known.spline if known else blank(begins, timing, axes)
-    pairs = [pair for pair in _pairs(tracks, begins, backwards, timing, intrinsics, path) if len(pair.moved)]
-    windowed = _Windows.of(path, timing, intrinsics)
-    prior = known.precision if known else windowed.precision(np.full(len(windowed.begins), 8.0 * timing.exposure / timing.interval[1]))
+    timing = camera.timing
+    path = about.spline if about else blank(begins, timing, axes)
+    pairs = [pair for pair in _pairs(tracks, begins, backwards, camera, path) if len(pair.moved)]
+    pieces = _Pieces.of(path, camera)
+    first = np.full(len(pieces.begins), FIRST_REACH * timing.exposure / timing.interval[1])
+    prior = about.precision if about else pieces.precision(first)
     mean, precision = path.coefficients.ravel(), prior
     for _ in range(ROUNDS):
         precision, right = prior.copy(), prior @ mean
@@ -83,34 +89,33 @@ def follow(
             precision += normal
             right += b
         path = path.with_coefficients(np.linalg.solve(precision, right).reshape(path.coefficients.shape))
-        if not known:
-            prior = windowed.precision(np.array([exposure_length(path, t, timing) for t in windowed.begins]))
-    return Path(spline=path, precision=precision)
+        if not about:
+            prior = pieces.precision(np.array([exposure_length(path, t, timing) for t in pieces.begins]))
+    return CameraPath(spline=path, precision=precision)
 
 
 def unexplained(
     path: Spline,
     tracks: Sequence[Tracks],
     begins: Float[np.ndarray, " frames"],
-    timing: ShutterTiming,
-    intrinsics: Intrinsics,
+    camera: Camera,
     *,
     backwards: Sequence[int] = (),
 ) -> list[tuple[Float[np.ndarray, "points 2"], Float[np.ndarray, " points"]]]:
-    """How far the points of each pair of neighbouring frames move beyond what the path says, px, and in what time, s."""
-    pairs = _pairs(tracks, begins, backwards, timing, intrinsics, path)
+    """How far the points of each pair of neighbouring frames move beyond what the path explains, px, and in what time, s."""
+    pairs = _pairs(tracks, begins, backwards, camera, path)
     return [(-pair.residual(path.coefficients), pair.elapsed) for pair in pairs]
 
 
-def trusted(path: Spline, timing: ShutterTiming, intrinsics: Intrinsics, *, drift: float, share: float) -> Path:
-    """A path that is known within each frame to `drift` px and a `share` of its length there; where it begins is free."""
-    windowed = _Windows.of(path, timing, intrinsics)
-    reaches = np.array([exposure_length(path, t, timing) for t in windowed.begins])
-    return Path(spline=path, precision=windowed.precision(drift * timing.exposure / timing.interval[1] + share * reaches))
+def trusted(path: Spline, camera: Camera, *, drift: float, share: float) -> CameraPath:
+    """A path that within each frame is right to `drift` px and a `share` of its length there; where it begins is free."""
+    timing, pieces = camera.timing, _Pieces.of(path, camera)
+    reaches = np.array([exposure_length(path, t, timing) for t in pieces.begins])
+    return CameraPath(spline=path, precision=pieces.precision(drift * timing.exposure / timing.interval[1] + share * reaches))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Windows:
+class _Pieces:
     """A path cut into overlapping pieces as long as a frame's interval, and how each of them moves."""
 
     begins: Float[np.ndarray, " pieces"]
@@ -118,10 +123,11 @@ class _Windows:
     spread: Float[np.ndarray, "degrees axes"]  # of these, for a path of 1 px an exposure
 
     @classmethod
-    def of(cls, path: Spline, timing: ShutterTiming, intrinsics: Intrinsics) -> "_Windows":
+    def of(cls, path: Spline, camera: Camera) -> "_Pieces":
+        timing = camera.timing
         duration = timing.interval[1]
         begins = np.arange(path.t0, path.t1 - duration + 1e-9, duration / 2)
-        unit = np.array([1, 1, 1 / intrinsics.fx])[: path.coefficients.shape[1]]
+        unit = pose_unit(camera.intrinsics, path.coefficients.shape[1])
         return cls(
             begins=begins,
             moves=[windows(path, t, timing)[1:] for t in begins],
@@ -131,7 +137,7 @@ class _Windows:
     def precision(self, reaches: Float[np.ndarray, " pieces"]) -> Float[np.ndarray, "unknowns unknowns"]:
         """Of the path's coefficients, row by row, if each piece moves by `reaches` px an exposure; where it begins is free."""
         axes, unit = self.spread.shape[1], self.spread[0] / self.spread[0, 0]
-        out = np.diag(np.tile(1e-6 / unit**2, self.moves[0].shape[1]))
+        out = np.diag(np.tile(FREE / unit**2, self.moves[0].shape[1]))
         for m, reach in zip(self.moves, reaches, strict=True):
             for a in range(axes):
                 out[a::axes, a::axes] += STIFFNESS * m.T @ (m / (reach * self.spread[:, a, None]) ** 2)
@@ -143,7 +149,7 @@ def exposure_length(path: Spline, begins: float, timing: ShutterTiming) -> float
     window = max(timing.exposure, timing.interval[1] / 2)  # the speed of a short exposure alone is noise
     t = begins + timing.middle + window * np.linspace(-0.5, 0.5, 9)
     travelled = float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum())
-    return timing.exposure * max(travelled / window, 4.0 / timing.interval[1])
+    return timing.exposure * max(travelled / window, LEAST_REACH / timing.interval[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,23 +162,22 @@ class _Pair:
     moved: Float[np.ndarray, "points 2"]
 
     @classmethod
-    def of(
-        cls, tracks: Tracks, begins: np.ndarray, back: list[bool], timing: ShutterTiming, intrinsics: Intrinsics, path: Spline
-    ) -> "_Pair":
+    def of(cls, tracks: Tracks, begins: np.ndarray, back: list[bool], camera: Camera, path: Spline) -> "_Pair":
+        timing = camera.timing
         nodes = np.linspace(0, timing.rows - 1, NODES)
-        times = nodes[:, None] * timing.row_time + timing.sample_times(8)[0]
-        seen, when = [], []
+        times = nodes[:, None] * timing.row_time + timing.sample_times(SAMPLES)[0]
+        poses, when = [], []
         for at, turned, points in zip(begins, back, (tracks.before, tracks.after), strict=True):
             open_at = (times[::-1] if turned else times) + at
             basis = path.basis(open_at).mean(axis=1)
             place = np.clip(points[:, 1] / (timing.rows - 1) * (NODES - 1), 0, NODES - 1 - 1e-9)
             low, share = place.astype(int), (place % 1)[:, None]
-            seen.append((1 - share) * basis[low] + share * basis[low + 1])
+            poses.append((1 - share) * basis[low] + share * basis[low + 1])
             when.append(np.interp(points[:, 1], nodes, open_at.mean(axis=1)))
         middle = 0.5 * (tracks.before + tracks.after)
         return cls(
-            design=seen[1] - seen[0],
-            levers=lever(intrinsics, middle[:, 0], middle[:, 1], path.coefficients.shape[1]),
+            design=poses[1] - poses[0],
+            levers=lever(camera.intrinsics, middle[:, 0], middle[:, 1], path.coefficients.shape[1]),
             elapsed=when[1] - when[0],
             moved=tracks.before - tracks.after,  # a camera that moves right moves the image left
         )
@@ -185,15 +190,13 @@ class _Pair:
         """Precision and right side, each point weighted by how well the path explains it (Cauchy's weights)."""
         size = np.linalg.norm(self.residual(coefficients), axis=1)
         scale = max(float(np.median(size)), TRACKED)
-        weight = 1 / (1 + (size / (2 * scale)) ** 2) / scale**2
+        weight = 1 / (1 + (size / (OUTLIER * scale)) ** 2) / scale**2
         weight *= min(1.0, INDEPENDENT / len(weight))
         full = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(len(weight), 2, -1)
         weighted = full * weight[:, None, None]
         return np.einsum("nci,ncj->ij", weighted, full, optimize=True), np.einsum("nci,nc->i", weighted, self.moved)
 
 
-def _pairs(
-    tracks: Sequence[Tracks], begins: np.ndarray, backwards: Sequence[int], timing: ShutterTiming, intrinsics: Intrinsics, path: Spline
-) -> list[_Pair]:
+def _pairs(tracks: Sequence[Tracks], begins: np.ndarray, backwards: Sequence[int], camera: Camera, path: Spline) -> list[_Pair]:
     back = [k in backwards for k in range(len(begins))]
-    return [_Pair.of(t, begins[k : k + 2], back[k : k + 2], timing, intrinsics, path) for k, t in enumerate(tracks)]
+    return [_Pair.of(t, begins[k : k + 2], back[k : k + 2], camera, path) for k, t in enumerate(tracks)]

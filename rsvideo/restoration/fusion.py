@@ -1,7 +1,7 @@
 """Neighbouring frames show one scene: what one frame's blur has destroyed, another's has kept.
 
 The latent images of a frame's neighbours are brought to its pose and averaged with its own, the shortest blur weighing
-most, into a target t. What does not belong there (what moved by itself, or was hidden) is told by the frame itself:
+most, into a target t. What does not belong there (what moved by itself, or was hidden) shows in the frame itself:
 where K t_j of a neighbour j does not explain b, it counts for nothing. Then l = argmin |K l - b|^2 + rho |l - t|^2.
 """
 
@@ -16,19 +16,26 @@ from numpy.polynomial import legendre
 from rsvideo.physics.camera import Intrinsics, homography, projected
 from rsvideo.restoration.nonblind import TiledFrame
 
-RIDGE = 0.6  # rho
-FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out
+RIDGE = 0.6  # rho; origin: by trial
+FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out; origin: by trial
 MOST = 4  # neighbours, the sharpest
 SHORTEST = 1.0  # px; no blur is counted as shorter
-PATCH = 15  # px over which a neighbour must explain the frame
-DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e
+PATCH = 15  # px over which a neighbour must explain the frame; origin: by trial
+DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
 BENDS = 4  # terms along the rows of what is left between two frames' poses: each path's own error within its frame
 SOFT = 1.2  # px, of the Gaussian under which two frames are compared
+LIFT = 0.01  # linear light, beyond which two frames are compared by its square root
 EDGE = 8  # px beside the borders that are not compared
+LANCZOS = 4  # px from its place, the farthest pixel that a sample reads
+PLENTY = 500_000  # pixels; of larger frames every second row and column is compared
+STEPS = 4  # of Gauss-Newton at most
+SETTLED = 0.02  # px; a step that moves no sample farther is the last
+OUTLIER = 3  # times the typical difference, at which a pixel counts half
+STIFFNESS = 1e-3  # of the displacement, relative to the mean of the normal matrix's diagonal
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Seen:
+class PosedImage:
     """A latent image of the scene along its scanlines, the pose it shows, and how much its blur has left."""
 
     latent: Float[np.ndarray, "rows cols channels"]
@@ -42,22 +49,22 @@ class Seen:
 
 
 def fused(
-    frame: TiledFrame, own: Seen, others: Sequence[Seen], intrinsics: Intrinsics, noise: float
+    frame: TiledFrame, first: PosedImage, others: Sequence[PosedImage], intrinsics: Intrinsics, noise: float
 ) -> Float[np.ndarray, "rows cols channels"]:
-    """The latent image of `frame`, whose own first one is `own`, with the help of its neighbours'."""
-    worth = sorted((o for o in others if o.weight > FAINTEST * own.weight), key=lambda o: -o.weight)[:MOST]
-    if not worth:
-        return own.latent
+    """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'."""
+    sharpest = sorted((o for o in others if o.weight > FAINTEST * first.weight), key=lambda o: -o.weight)[:MOST]
+    if not sharpest:
+        return first.latent
     pixels, valid = frame.observed()
-    observed, known = _grey(pixels), valid.min(axis=2)
+    observed, unclipped = _grey(pixels), valid.min(axis=2)
 
     def misfit(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
-        return cv2.boxFilter(known * (frame.blurred(_grey(image)) - observed) ** 2, -1, (PATCH, PATCH))
+        return cv2.boxFilter(unclipped * (frame.blurred(_grey(image)) - observed) ** 2, -1, (PATCH, PATCH))
 
-    limit = DOUBT**2 * (misfit(own.latent) + noise**2 / 2)
-    total, weights = own.weight * own.latent, np.full(own.latent.shape[:2], own.weight, np.float32)
-    for other in worth:
-        image, there = _brought(own, other, intrinsics)
+    limit = DOUBT**2 * (misfit(first.latent) + noise**2 / 2)
+    total, weights = first.weight * first.latent, np.full(first.latent.shape[:2], first.weight, np.float32)
+    for other in sharpest:
+        image, there = _at_pose(first, other, intrinsics)
         weight = (there * other.weight * np.exp(-misfit(image) / limit)).astype(np.float32)
         total += weight[..., None] * image
         weights += weight
@@ -68,22 +75,22 @@ def _grey(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "
     return np.ascontiguousarray(image.mean(axis=2))
 
 
-def _brought(
-    own: Seen, other: Seen, intrinsics: Intrinsics
+def _at_pose(
+    first: PosedImage, other: PosedImage, intrinsics: Intrinsics
 ) -> tuple[Float[np.ndarray, "rows cols channels"], Bool[np.ndarray, "rows cols"]]:
-    """The other's latent image at the frame's own pose, and where it was seen; elsewhere the frame's own."""
-    rows, cols = own.latent.shape[:2]
+    """The other's latent image at the frame's own pose, and where the other shows it; elsewhere `first`."""
+    rows, cols = first.latent.shape[:2]
     x, y = np.meshgrid(np.arange(cols, dtype=float), np.arange(rows, dtype=float))
-    at = projected(homography(intrinsics, own.pose - other.pose), x, y)
-    at = _aligned(_soft(own.latent), _soft(other.latent), at)
+    at = projected(homography(intrinsics, first.pose - other.pose), x, y)
+    at = _aligned(_soft(first.latent), _soft(other.latent), at)
     image = _sampled(other.latent, at, cv2.INTER_LANCZOS4)
-    inside = np.asarray(((at >= 4) & (at <= np.array([cols, rows]) - 5)).all(axis=-1), np.uint8)
+    inside = np.asarray(((at >= LANCZOS) & (at <= np.array([cols, rows]) - 1 - LANCZOS)).all(axis=-1), np.uint8)
     there = cv2.erode(inside, np.ones((PATCH, PATCH)), borderValue=0) > 0
-    return np.where(there[..., None], np.clip(image, 0, 1), own.latent).astype(np.float32), there
+    return np.where(there[..., None], np.clip(image, 0, 1), first.latent).astype(np.float32), there
 
 
 def _soft(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
-    return cv2.GaussianBlur(np.sqrt(np.maximum(_grey(image), 0) + 0.01), (0, 0), SOFT)
+    return cv2.GaussianBlur(np.sqrt(np.maximum(_grey(image), 0) + LIFT), (0, 0), SOFT)
 
 
 def _sampled(image: np.ndarray, at: Float[np.ndarray, "rows cols 2"], how: int) -> np.ndarray:
@@ -92,28 +99,28 @@ def _sampled(image: np.ndarray, at: Float[np.ndarray, "rows cols 2"], how: int) 
 
 
 def _aligned(
-    own: Float[np.ndarray, "rows cols"], other: Float[np.ndarray, "rows cols"], at: Float[np.ndarray, "rows cols 2"]
+    first: Float[np.ndarray, "rows cols"], other: Float[np.ndarray, "rows cols"], at: Float[np.ndarray, "rows cols 2"]
 ) -> Float[np.ndarray, "rows cols 2"]:
     """Where to sample the other so that both agree (Lucas & Kanade): a shift, and its change across columns, smooth along the rows."""
-    rows, cols = own.shape
-    step = 2 if rows * cols > 500_000 else 1  # enough pixels are left
+    rows, cols = first.shape
+    step = 2 if rows * cols > PLENTY else 1
     thin = np.s_[EDGE : rows - EDGE : step, EDGE : cols - EDGE : step]
     basis = legendre.legvander(np.linspace(-1, 1, rows), BENDS - 1)
     across = np.linspace(-0.5, 0.5, cols)
-    for _ in range(4):
-        seen = _sampled(other, at, cv2.INTER_LINEAR)
-        gx, gy = cv2.Sobel(seen, -1, 1, 0, scale=1 / 8)[thin], cv2.Sobel(seen, -1, 0, 1, scale=1 / 8)[thin]
-        apart = own[thin] - seen[thin]
-        weight = 1 / (1 + (apart / (3 * np.median(np.abs(apart)) + 1e-4)) ** 2)
+    for _ in range(STEPS):
+        sampled = _sampled(other, at, cv2.INTER_LINEAR)
+        gx, gy = cv2.Sobel(sampled, -1, 1, 0, scale=1 / 8)[thin], cv2.Sobel(sampled, -1, 0, 1, scale=1 / 8)[thin]
+        apart = first[thin] - sampled[thin]
+        weight = 1 / (1 + (apart / (OUTLIER * np.median(np.abs(apart)) + 1e-4)) ** 2)
         slopes = np.stack([gx, gy, gx * across[thin[1]].astype(np.float32), gy * across[thin[1]].astype(np.float32)])
         by_row = np.einsum("frc,grc->rfg", slopes * weight, slopes, optimize=True)
         p = basis[thin[0]]
         normal = np.einsum("rfg,rp,rq->fpgq", by_row, p, p, optimize=True).reshape(4 * BENDS, 4 * BENDS)
         right = np.einsum("frc,rc,rp->fp", slopes * weight, apart, p, optimize=True).ravel()
-        normal += 1e-3 * np.trace(normal) / len(normal) * np.eye(len(normal))
+        normal += STIFFNESS * np.trace(normal) / len(normal) * np.eye(len(normal))
         move = np.linalg.solve(normal, right).reshape(2, 2, BENDS) @ basis.T  # (constant or across, axis, rows)
         change = move[0].T[:, None] + move[1].T[:, None] * across[:, None]
         at = at + change
-        if np.abs(change).max() < 0.02:
+        if np.abs(change).max() < SETTLED:
             break
     return at

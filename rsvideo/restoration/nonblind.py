@@ -13,9 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from rsvideo.physics import tiles
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.row_fourier import RowFourier, row_fourier
-from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.solvers.banded import BandedHermitian
@@ -158,15 +157,15 @@ def tiled(
     pixels: Float[np.ndarray, "rows cols channels"],
     clipped: Bool[np.ndarray, "rows cols channels"],
     trajectory: Trajectory,
-    intrinsics: Intrinsics,
-    timing: ShutterTiming,
+    camera: Camera,
     *,
     samples: int,
     tolerance: float,
 ) -> TiledFrame:
     """The frame with its blur along `trajectory`; tolerance is the largest error in px of a tile's path at the tile's edge."""
-    cut = tiles.split(intrinsics.cols, tiles.tiles_needed(trajectory, intrinsics, timing, tolerance), OVERLAP)
-    return tiled_from(cut, lambda tile: (tiles.displacement(tile, trajectory, intrinsics, timing, samples), None), pixels, clipped)
+    lens, timing = camera.intrinsics, camera.timing
+    cut = tiles.split(lens.cols, tiles.tiles_needed(trajectory, lens, timing, tolerance), OVERLAP)
+    return tiled_from(cut, lambda tile: (tiles.displacement(tile, trajectory, lens, timing, samples), None), pixels, clipped)
 
 
 def tiled_from(

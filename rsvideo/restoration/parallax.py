@@ -2,7 +2,7 @@
 
 The velocity u(x) of that motion is a Gaussian process with the kernel k (Rasmussen and Williams, "Gaussian Processes for Machine
 Learning", 2006), taken as constant while a frame is read. A point x_i that moves by e_i in the time T_i, both beyond the path,
-says
+obeys
 
     e_i = T_i u(x_i) + noise,    E[u | e] = s^2 sum_i k(x, x_i) T_i a_i,    (s^2 T k T + sigma^2 / w) a = e,
 
@@ -23,10 +23,11 @@ from rsvideo.restoration.tracks import TRACKED
 
 SPEEDS = (0.5, 2.0, 8.0)  # px in the points' time, s T
 LENGTHS = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the frame's longer side
-MOST = 300  # points a field
+MOST = 300  # points a field; inverting their covariance costs their cube
 EXPLAINS = 0.6  # of what points miss without a field, which one may leave; tracks' and paths' own errors are smooth too, at 0.7 to 1
 PROBES = 4  # frames of a run that choose its fields' speed and length
 _ROUNDS = 4  # of reweighting
+_OUTLIER = 2  # times the typical misfit, at which a point counts half (Cauchy's weights)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +39,7 @@ class Points:
     elapsed: Float[np.ndarray, " points"]  # s, T
 
     @property
-    def few(self) -> "Points":
+    def thinned(self) -> "Points":
         """At most MOST of them, evenly taken."""
         every = slice(None, None, -(-len(self.at) // MOST) or 1)
         return Points(at=self.at[every], moved=self.moved[every], elapsed=self.elapsed[every])
@@ -57,7 +58,7 @@ class Flow:
         return _kernel(places, self.points, self.length) @ self.weights
 
 
-def together(parts: Sequence[Points]) -> Points:
+def concatenated(parts: Sequence[Points]) -> Points:
     """The points of a frame that were followed from the one before, and to the next."""
     nothing = Points(at=np.zeros((0, 2)), moved=np.zeros((0, 2)), elapsed=np.zeros(0))
     at, moved, elapsed = zip(*((p.at, p.moved, p.elapsed) for p in (nothing, *parts)), strict=True)
@@ -65,29 +66,29 @@ def together(parts: Sequence[Points]) -> Points:
 
 
 def flows(frames: Sequence[Points], longer: int) -> list[Flow | None]:
-    """The field of each of a run's frames, whose longer side has `longer` px; None where points say nothing."""
-    few = [points.few for points in frames]
-    known = [k for k, points in enumerate(few) if points.elapsed.any()]
-    if not known:
+    """The field of each of a run's frames, whose longer side has `longer` px; None where points show nothing."""
+    few = [points.thinned for points in frames]
+    shown = [k for k, points in enumerate(few) if points.elapsed.any()]
+    if not shown:
         return [None] * len(frames)
-    probes = [few[k] for k in np.unique(np.array(known)[np.linspace(0, len(known) - 1, PROBES).round().astype(int)])]
+    probes = [few[k] for k in np.unique(np.array(shown)[np.linspace(0, len(shown) - 1, PROBES).round().astype(int)])]
     best, chosen = EXPLAINS * sum(_missed(points.moved, points) for points in probes), None
     for speed, share in itertools.product(SPEEDS, LENGTHS):
         missed = sum(_missed(_solved(points, speed, share * longer)[1], points) for points in probes)
         if missed < best:
             best, chosen = missed, (speed, share * longer)
-    return [None if chosen is None or k not in known else _solved(points, *chosen)[0] for k, points in enumerate(few)]
+    return [None if chosen is None or k not in shown else _solved(points, *chosen)[0] for k, points in enumerate(few)]
 
 
 def _solved(points: Points, speed: float, length: float) -> tuple[Flow, Float[np.ndarray, "points 2"]]:
-    """The field, and how far each point lies from where the others say."""
+    """The field, and how far each point lies from where the others predict it."""
     typical = float(np.sqrt(np.mean(points.elapsed**2)))
     kernel = _kernel(points.at, points.at, length)
     signal = (speed / typical) ** 2 * points.elapsed[:, None] * kernel * points.elapsed
     solved, off = np.zeros_like(points.moved), points.moved
     for _ in range(_ROUNDS):
         size = np.linalg.norm(off, axis=1)
-        doubt = 1 + (size / (2 * _scale(size))) ** 2  # 1 / w
+        doubt = 1 + (size / (_OUTLIER * _scale(size))) ** 2  # 1 / w
         inverse = np.linalg.inv(signal + np.diag(TRACKED**2 * doubt))
         solved = inverse @ points.moved
         off = solved / np.diag(inverse)[:, None]
@@ -96,7 +97,7 @@ def _solved(points: Points, speed: float, length: float) -> tuple[Flow, Float[np
 
 def _missed(off: Float[np.ndarray, "points 2"], points: Points) -> float:
     """Cauchy's measure of how far points lie off, in units of what no field leaves."""
-    scale = 2 * _scale(np.linalg.norm(points.moved, axis=1))
+    scale = _OUTLIER * _scale(np.linalg.norm(points.moved, axis=1))
     return float(np.log1p((off**2).sum(axis=1) / scale**2).mean())
 
 

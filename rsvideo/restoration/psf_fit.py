@@ -3,7 +3,7 @@
 Each strip's kernel is explained by the path's pieces over the exposures of its rows, splatted with a Gaussian that
 narrows from coarse to fine. A strip sees its own wobble as a shift of its latent image, so each scanline's piece is
 taken about its own centroid and the whole has one free shift a strip. Overlapping exposures of neighbouring strips
-tell the direction of time. Strips of the left and right halves of the frame tell roll apart from yaw and pitch.
+determine the direction of time. Strips of the left and right halves of the frame tell roll from yaw and pitch.
 """
 
 from dataclasses import dataclass
@@ -13,12 +13,25 @@ import numpy as np
 from jaxtyping import Float
 from numba import njit, prange
 
-from rsvideo.physics.camera import Intrinsics, lever
+from rsvideo.physics.camera import Camera, lever
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, still
+from rsvideo.restoration.hand_shake import pose_unit, shake_spread
 
 ROWS_PER_STRIP = 5  # scanlines whose PSFs stand for a strip
 SAMPLES = 16  # path samples an exposure
+ROUNDS = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))  # Gaussian's sigma in px, steps, paths kept; origin: by trial
+DOUBTED_AT = 1.5  # px; after the round of this sigma, kernels that the best path explains badly count less
+STEP = 1.5  # grid points a sigma, at most one a px
+DISTINCT = 0.3  # px; paths whose coefficients differ by less are one
+FAILED = 2.5  # times the median length; a longer kernel has failed, and counts but FAILED_WEIGHT at first; origin: by trial
+FAILED_WEIGHT = 0.1  # beside 1.1 of the others
+LEFT_OUT = 0.05  # weight of the strip that a fit does without
+FAIR = 0.5  # times the median residual, which a strip's own is compared with; origin: by trial
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e4  # of Levenberg-Marquardt: at first, at least, and where it gives up
+DAMPING_FALL, DAMPING_RISE = 0.3, 5  # its factors after a step that lowers the energy, and after one that does not
+SETTLED = 1e-4  # relative fall of the energy that ends it; these six are compiled in
+ROUGHNESS = 0.05  # of the fit of the first velocities, against their own fit, times (degree / P)^2; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,7 +137,7 @@ def _levenberg(starts, design, targets, weights, grid, sigma, prior, steps):
     result = starts.copy()
     for s in prange(len(starts)):
         x = starts[s].copy()
-        damping = 1e-2
+        damping = DAMPING
         normal = np.zeros((size, size))
         gradient = np.zeros(size)
         energy = _system(x[:unknowns], x[unknowns:].reshape(-1, 2), design, targets, weights, grid, sigma, prior, normal, gradient)
@@ -148,32 +161,28 @@ def _levenberg(starts, design, targets, weights, grid, sigma, prior, steps):
                 gradient_next,
             )
             if energy_next < energy:
-                done = energy - energy_next < 1e-4 * energy
+                done = energy - energy_next < SETTLED * energy
                 x, energy, normal, gradient = x_next, energy_next, normal_next, gradient_next
-                damping = max(damping * 0.3, 1e-6)
+                damping = max(damping * DAMPING_FALL, LEAST_DAMPING)
                 if done:
                     break
             else:
-                damping *= 5
-                if damping > 1e4:
+                damping *= DAMPING_RISE
+                if damping > MOST_DAMPING:
                     break
         result[s] = x
         energies[s] = energy
     return result, energies
 
 
-def shake_spread(degree: int, timing: ShutterTiming) -> Float[np.ndarray, " degree"]:
-    """Plausible size of Legendre coefficients 1..degree of a hand's motion, relative to the length of one exposure's path.
-
-    Recorded hand shake over 40 ms falls by a factor of 4 to 5 a degree; this is wider by 2.
-    """
-    interval = timing.interval[1]
-    return 0.35 * interval / timing.exposure * (0.4 * np.minimum(interval / 0.04, 2)) ** np.arange(degree)
-
-
 def length(kernel: Float[np.ndarray, "k k"]) -> float:
     """The length of the straight uniform segment whose variance is the kernel's largest."""
     return float(np.linalg.norm(_main_axis(kernel)))
+
+
+def reach(strips: list[Strip]) -> float:
+    """The typical length of one exposure's path, px."""
+    return float(np.median([length(s.kernel) for s in strips]))
 
 
 def _main_axis(kernel: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "2"]:
@@ -183,50 +192,6 @@ def _main_axis(kernel: Float[np.ndarray, "k k"]) -> Float[np.ndarray, "2"]:
     xx, yy, xy = (kernel * x * x).sum() - mean[0] ** 2, (kernel * y * y).sum() - mean[1] ** 2, (kernel * x * y).sum() - mean[0] * mean[1]
     values, vectors = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
     return vectors[:, 1] * np.sqrt(12 * max(values[1], 0))  # a uniform segment has variance L^2 / 12
-
-
-def _curve(timing: ShutterTiming, degree: int, axes: int) -> Polynomial:
-    return still(timing.interval, degree=degree, axes=axes)
-
-
-def _design(
-    strips: list[Strip], timing: ShutterTiming, intrinsics: Intrinsics, degree: int, axes: int
-) -> Float[np.ndarray, "strips points unknowns 2"]:
-    """How each coefficient but the constants moves each path sample, about its scanline's own mean."""
-    curve = _curve(timing, degree, axes)
-    out = []
-    for strip in strips:
-        basis = curve.basis(strip.times(timing))[..., 1:]
-        basis -= basis.mean(axis=1, keepdims=True)
-        rows = strip.rows()
-        levers = lever(intrinsics, np.full(len(rows), strip.middle), rows, axes)
-        out.append(np.einsum("rkp,rca->rkpac", basis, levers).reshape(-1, degree * axes, 2))
-    return np.array(out)
-
-
-def _targets(strips: list[Strip], grid: Float[np.ndarray, " g"], sigma: float) -> Float[np.ndarray, "strips g g"]:
-    """The kernels seen through the Gaussian, in the scale of `_render`: the kernel's centre is 0."""
-    out = []
-    for strip in strips:
-        u = np.arange(len(strip.kernel)) - len(strip.kernel) // 2
-        e = np.exp(-0.5 * ((grid[:, None] - u[None]) / sigma) ** 2)
-        out.append(e @ strip.kernel @ e.T)
-    return np.array(out)
-
-
-def _starts(strips: list[Strip], timing: ShutterTiming, degree: int) -> Float[np.ndarray, "starts unknowns"]:
-    """Paths whose velocity at each strip's middle has the kernel's main axis and length, under every choice of signs."""
-    axes = [_main_axis(strip.kernel) / timing.exposure for strip in strips]
-    t = np.array([strip.times(timing).mean() for strip in strips])
-    curve, h = _curve(timing, degree, 2), 1e-4 * timing.interval[1]
-    rate = (curve.basis(t + h) - curve.basis(t - h))[:, 1:] / (2 * h)
-    roughness = np.diag([0.05 * np.linalg.norm(rate) / len(t) * (p / degree) ** 2 for p in range(degree)])
-    starts = []
-    for signs in range(2 ** len(strips)):
-        v = np.array([a * (1 if signs >> i & 1 else -1) for i, a in enumerate(axes)])
-        c = np.linalg.lstsq(np.vstack([rate, roughness]), np.vstack([v, np.zeros((degree, 2))]), rcond=None)[0]
-        starts.append(c.ravel())
-    return np.array(starts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -239,21 +204,59 @@ class Candidate:
     stiffness: float  # of the prior on a hand's motion that it was found with
 
 
-def reach(strips: list[Strip]) -> float:
-    """The typical length of one exposure's path, px."""
-    return float(np.median([length(s.kernel) for s in strips]))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Problem:
+    """The strips' kernels convolved with a Gaussian of `sigma`, and the PSFs that explain them, linear in z up to their splatting."""
 
+    design: Float[np.ndarray, "strips points unknowns 2"]  # of z: coefficients in units of their spread
+    targets: Float[np.ndarray, "strips g g"]
+    grid: Float[np.ndarray, " g"]  # px
+    sigma: float  # px
 
-def _trust(residuals: Float[np.ndarray, " strips"]) -> Float[np.ndarray, " strips"]:
-    """Weights of sum 1 that fall where a strip's kernel is explained much worse than the others."""
-    weights = 1 / (residuals + 0.5 * np.median(residuals) + 1e-12)
-    return weights / weights.sum()
+    @property
+    def unknowns(self) -> int:
+        """Coefficients but the constants; behind them, x holds two shifts a strip."""
+        return self.design.shape[2]
+
+    def of_strip(self, x: np.ndarray, strip: int) -> tuple[float, np.ndarray]:
+        """One strip's energy relative to its kernel's, and its Gauss-Newton matrix in (z, its shift)."""
+        n = self.unknowns
+        normal = np.zeros((n + 2, n + 2))
+        energy = _system(
+            x[:n],
+            x[n:].reshape(-1, 2)[strip : strip + 1].copy(),
+            self.design[strip : strip + 1],
+            self.targets[strip : strip + 1],
+            np.ones(1),
+            self.grid,
+            self.sigma,
+            np.zeros(n),
+            normal,
+            np.zeros(n + 2),
+        )
+        return float(energy / (self.targets[strip] ** 2).sum()), normal
+
+    def trust(self, x: np.ndarray, believed: Float[np.ndarray, " strips"]) -> Float[np.ndarray, " strips"]:
+        """Weights of sum 1 that fall where a strip's kernel is explained much worse than the others."""
+        residuals = np.array([self.of_strip(x, s)[0] for s in range(len(self.design))])
+        weights = 1 / (residuals + FAIR * np.median(residuals) + 1e-12)
+        trusted = believed * (weights / weights.sum())
+        return trusted / trusted.sum()
+
+    def curvature(self, x: np.ndarray, weights: Float[np.ndarray, " strips"], prior: float) -> Float[np.ndarray, "unknowns unknowns"]:
+        """The Gauss-Newton matrix of the energy in z, every strip's shift eliminated."""
+        n = self.unknowns
+        total = prior * np.eye(n)
+        for s in range(len(self.design)):
+            normal = self.of_strip(x, s)[1]
+            cross = normal[:n, n:]
+            total += weights[s] * (normal[:n, :n] - cross @ np.linalg.solve(normal[n:, n:] + 1e-12 * np.eye(2), cross.T))
+        return total
 
 
 def fit(
     strips: list[Strip],
-    timing: ShutterTiming,
-    intrinsics: Intrinsics,
+    camera: Camera,
     *,
     degree: int,
     stiffness: float,
@@ -265,86 +268,95 @@ def fit(
     """Distinct trajectories that explain the strips' kernels, best first.
 
     Without a start: two axes, from every choice of signs of the strips' velocities. With one: its axes, from there,
-    `doubting` from the beginning the kernels that disagree with it. The strip `without` is not believed.
+    `doubting` from the beginning the kernels that disagree with it. The strip `without` is left out.
     """
-    axes = 2 if start is None else start.coefficients.shape[1]
-    design = _design(strips, timing, intrinsics, degree, axes)
-    half = max(len(s.kernel) for s in strips) // 2
-    unit = np.array([1, 1, 1 / intrinsics.fx])[:axes]
-    spread = (shake_spread(degree, timing)[:, None] * reach(strips) * unit).ravel()
-    design = design * spread[:, None]  # unknowns in units of their spread
+    timing, axes = camera.timing, 2 if start is None else start.coefficients.shape[1]
+    spread = (shake_spread(degree, timing)[:, None] * reach(strips) * pose_unit(camera.intrinsics, axes)).ravel()
+    design = _design(strips, camera, degree, axes) * spread[:, None]  # unknowns in units of their spread
     z = _starts(strips, timing, degree) if start is None else start.coefficients[1:].reshape(1, -1)
     x = np.hstack([z / spread, np.zeros((len(z), 2 * len(strips)))])
-    lengths = np.array([length(s.kernel) for s in strips])
-    believed = np.array([0.05 if i == without else 1.0 for i in range(len(strips))])
-    weights = believed * ((lengths < 2.5 * np.median(lengths)) + 0.1)  # a kernel far longer than the others has failed
-    weights = weights / weights.sum()
-    energies, scale, sigma = np.zeros(len(x)), 1.0, 1.0
-    grid, targets = np.zeros(0), np.zeros((0, 0, 0))  # those of the last round serve below
-
-    def trust() -> Float[np.ndarray, " strips"]:
-        trusted = believed * _trust(np.array([_one(x[0], s, design, targets, grid, sigma)[0] for s in range(len(strips))]))
-        return trusted / trusted.sum()
-
-    rounds = ((4.0, 12, 24), (2.5, 12, 12), (1.5, 15, 8), (1.0, 15, 8))
-    for sigma, steps, survivors in rounds if start is None else rounds[1:]:
-        step = max(1.0, sigma / 1.5)
-        n = int(np.ceil((half + 2 * sigma) / step))
-        grid = np.arange(-n, n + 1) * step
-        targets = _targets(strips, grid, sigma)
+    believed = np.array([LEFT_OUT if i == without else 1.0 for i in range(len(strips))])
+    weights = _first_weights(strips, believed)
+    energies, scale = np.zeros(len(x)), 1.0
+    rounds = ROUNDS if start is None else ROUNDS[1:]
+    problems = [_problem(strips, design, sigma) for sigma, _, _ in rounds]
+    for problem, (sigma, steps, kept) in zip(problems, rounds, strict=True):
         if doubting:
-            weights = trust()
-        scale = float(weights @ (targets**2).sum(axis=(1, 2)))
+            weights = problem.trust(x[0], believed)
+        scale = float(weights @ (problem.targets**2).sum(axis=(1, 2)))
         prior = np.full(len(spread), stiffness * scale)
-        x, energies = _levenberg(x, design, targets, weights, grid, sigma, prior, steps)
-        kept: list[int] = []
-        for i in np.argsort(energies):
-            if all(np.abs((x[i] - x[j])[: len(spread)] * spread).max() > 0.3 for j in kept):
-                kept.append(int(i))
-            if len(kept) == survivors:
-                break
-        x, energies = x[kept], energies[kept] / scale
-        if sigma == 1.5:
-            weights = trust()
-    curve = _curve(timing, degree, axes)
+        x, energies = _levenberg(x, problem.design, problem.targets, weights, problem.grid, sigma, prior, steps)
+        best = _distinct(x[:, : len(spread)], spread, energies, kept)
+        x, energies = x[best], energies[best] / scale
+        if sigma == DOUBTED_AT:
+            weights = problem.trust(x[0], believed)
+    curve = still(timing.interval, degree=degree, axes=axes)
     return [
         Candidate(
             energy=float(e),
             trajectory=curve.with_coefficients(np.vstack([np.zeros((1, axes)), (c[: len(spread)] * spread).reshape(degree, axes)])),
-            curvature=_curvature(c, design, targets, weights, grid, sigma, stiffness * scale) / scale / np.outer(spread, spread),
+            curvature=problems[-1].curvature(c, weights, stiffness * scale) / scale / np.outer(spread, spread),
             stiffness=stiffness,
         )
         for e, c in zip(energies[:keep], x[:keep], strict=True)
     ]
 
 
-def _one(x: np.ndarray, strip: int, design: np.ndarray, targets: np.ndarray, grid: np.ndarray, sigma: float) -> tuple[float, np.ndarray]:
-    """One strip's energy relative to its kernel's, and its Gauss-Newton matrix in (z, its shift)."""
-    unknowns = design.shape[2]
-    normal = np.zeros((unknowns + 2, unknowns + 2))
-    energy = _system(
-        x[:unknowns],
-        x[unknowns:].reshape(-1, 2)[strip : strip + 1].copy(),
-        design[strip : strip + 1],
-        targets[strip : strip + 1],
-        np.ones(1),
-        grid,
-        sigma,
-        np.zeros(unknowns),
-        normal,
-        np.zeros(unknowns + 2),
-    )
-    return float(energy / (targets[strip] ** 2).sum()), normal
+def _design(strips: list[Strip], camera: Camera, degree: int, axes: int) -> Float[np.ndarray, "strips points unknowns 2"]:
+    """How each coefficient but the constants moves each path sample, about its scanline's own mean."""
+    curve = still(camera.timing.interval, degree=degree, axes=axes)
+    out = []
+    for strip in strips:
+        basis = curve.basis(strip.times(camera.timing))[..., 1:]
+        basis -= basis.mean(axis=1, keepdims=True)
+        rows = strip.rows()
+        levers = lever(camera.intrinsics, np.full(len(rows), strip.middle), rows, axes)
+        out.append(np.einsum("rkp,rca->rkpac", basis, levers).reshape(-1, degree * axes, 2))
+    return np.array(out)
 
 
-def _curvature(
-    x: np.ndarray, design: np.ndarray, targets: np.ndarray, weights: np.ndarray, grid: np.ndarray, sigma: float, prior: float
-) -> Float[np.ndarray, "unknowns unknowns"]:
-    """The Gauss-Newton matrix of the energy in the coefficients, every strip's shift eliminated."""
-    unknowns = design.shape[2]
-    total = prior * np.eye(unknowns)
-    for s in range(len(design)):
-        n = _one(x, s, design, targets, grid, sigma)[1]
-        cross = n[:unknowns, unknowns:]
-        total += weights[s] * (n[:unknowns, :unknowns] - cross @ np.linalg.solve(n[unknowns:, unknowns:] + 1e-12 * np.eye(2), cross.T))
-    return total
+def _starts(strips: list[Strip], timing: ShutterTiming, degree: int) -> Float[np.ndarray, "starts unknowns"]:
+    """Paths whose velocity at each strip's middle has the kernel's main axis and length, under every choice of signs."""
+    axes = [_main_axis(strip.kernel) / timing.exposure for strip in strips]
+    t = np.array([strip.times(timing).mean() for strip in strips])
+    curve, h = still(timing.interval, degree=degree, axes=2), 1e-4 * timing.interval[1]
+    rate = (curve.basis(t + h) - curve.basis(t - h))[:, 1:] / (2 * h)
+    roughness = np.diag([ROUGHNESS * np.linalg.norm(rate) / len(t) * (p / degree) ** 2 for p in range(degree)])
+    starts = []
+    for signs in range(2 ** len(strips)):
+        v = np.array([a * (1 if signs >> i & 1 else -1) for i, a in enumerate(axes)])
+        c = np.linalg.lstsq(np.vstack([rate, roughness]), np.vstack([v, np.zeros((degree, 2))]), rcond=None)[0]
+        starts.append(c.ravel())
+    return np.array(starts)
+
+
+def _first_weights(strips: list[Strip], believed: Float[np.ndarray, " strips"]) -> Float[np.ndarray, " strips"]:
+    """Of the strips before any path is found, of sum 1: a kernel far longer than the others has failed."""
+    lengths = np.array([length(s.kernel) for s in strips])
+    weights = believed * ((lengths < FAILED * np.median(lengths)) + FAILED_WEIGHT)
+    return weights / weights.sum()
+
+
+def _problem(strips: list[Strip], design: np.ndarray, sigma: float) -> _Problem:
+    """The kernels convolved with a Gaussian, in the scale of `_render`, on a grid that holds them; the kernel's centre is 0."""
+    half = max(len(s.kernel) for s in strips) // 2
+    step = max(1.0, sigma / STEP)
+    n = int(np.ceil((half + 2 * sigma) / step))
+    grid = np.arange(-n, n + 1) * step
+    targets = []
+    for strip in strips:
+        u = np.arange(len(strip.kernel)) - len(strip.kernel) // 2
+        e = np.exp(-0.5 * ((grid[:, None] - u[None]) / sigma) ** 2)
+        targets.append(e @ strip.kernel @ e.T)
+    return _Problem(design=design, targets=np.array(targets), grid=grid, sigma=sigma)
+
+
+def _distinct(z: Float[np.ndarray, "paths unknowns"], spread: np.ndarray, energies: Float[np.ndarray, " paths"], most: int) -> list[int]:
+    """The best paths, of those that are nearly the same the best one."""
+    kept: list[int] = []
+    for i in np.argsort(energies):
+        if all(np.abs((z[i] - z[j]) * spread).max() > DISTINCT for j in kept):
+            kept.append(int(i))
+        if len(kept) == most:
+            break
+    return kept

@@ -6,32 +6,37 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-MOST = 400  # points a frame
-FEWEST = 24  # below, a pair of frames tells nothing: a cut, or nothing to see
+MOST = 400  # points a frame; origin: by trial
+FEWEST = 24  # below, a pair of frames shows no motion: a cut, or no texture; origin: by trial
 TRACKED = 0.15  # px; how well a point is followed at best
 WINDOW = 31  # px; wider than the blur, so that both frames' versions of a point lie inside
 LEVELS = 4  # of the pyramid: displacements up to about 15 px * 2^4
 _WOBBLE = 6.0  # px; how far the scanlines' own motion may lift a point off the homography of the whole frame
 _RETURN = 1.0  # px; tracked there and back, a point must come home this closely
+_QUALITY = 0.01  # of the strongest corner, below which a corner is too faint (Shi & Tomasi's measure)
+_BLOCK = 9  # px, over which a corner is measured
+_CLOSEST = 6.0  # px between corners at least
+_RIGID = 0.4  # of the points that came home, which must fit one homography: fewer are two scenes, or one that moves by itself
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracks:
-    """Points seen in two frames; (column, row) as observed."""
+    """Points that two frames show; (column, row) as observed."""
 
     before: Float[np.ndarray, "points 2"]
     after: Float[np.ndarray, "points 2"]
 
 
 def codes(luminance: Float[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "rows cols"]:
-    """The picture as tracking sees it: the root of light, where shadows have contrast too."""
+    """The picture as it is tracked: the root of light, where shadows have contrast too."""
     return np.round(255 * np.sqrt(np.clip(luminance, 0, 1))).astype(np.uint8)
 
 
 def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"]) -> Tracks:
     """Corners of the first frame found again in the second (Lucas-Kanade) that move as one rigid scene; none at a cut."""
     rows, cols = before.shape
-    corners = cv2.goodFeaturesToTrack(before, MOST, 0.01, max(6.0, np.sqrt(rows * cols / MOST) / 2), blockSize=9)
+    apart = max(_CLOSEST, np.sqrt(rows * cols / MOST) / 2)
+    corners = cv2.goodFeaturesToTrack(before, MOST, _QUALITY, apart, blockSize=_BLOCK)
     nothing = np.zeros((0, 2))
     if corners is None:
         return Tracks(before=nothing, after=nothing)
@@ -46,6 +51,6 @@ def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows
         return Tracks(before=nothing, after=nothing)
     _, same = cv2.findHomography(first, second, cv2.RANSAC, _WOBBLE)
     kept = np.zeros(len(first), bool) if same is None else same[:, 0] == 1
-    if kept.sum() < max(FEWEST, 0.4 * len(first)):  # two scenes, or one that moves by itself
+    if kept.sum() < max(FEWEST, _RIGID * len(first)):
         return Tracks(before=nothing, after=nothing)
     return Tracks(before=first[kept].astype(float), after=second[kept].astype(float))

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from rsvideo.config.quantity import FASTEST_RATE, HAND_HELD_LIMIT
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting.fact import Fact
@@ -13,7 +14,7 @@ COEFFICIENTS = {"brown-conrady": (4, 5, 8, 12, 14), "fisheye": (4,)}  # as OpenC
 
 Words = Annotated[str, Field(max_length=500)]
 Pixels = Annotated[int, Field(ge=1, le=100_000)]
-Rate = Annotated[float, Field(gt=0, le=100_000, allow_inf_nan=False)]
+Rate = Annotated[float, Field(gt=0, le=FASTEST_RATE, allow_inf_nan=False)]
 FileName = Annotated[str, Field(min_length=1, max_length=300)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 Deviation = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -61,9 +62,9 @@ def _not_negative(number: Measured) -> Measured:
 
 
 def _time(number: Measured) -> Measured:
-    if not 0 <= number.value <= 1:
-        slip = "is it in milliseconds?" if number.value > 1 else "a readout upwards is `direction: bottom-to-top`"
-        raise ValueError(f"must lie in [0, 1] s, got {number.value:g}; {slip}")
+    if not 0 <= number.value <= HAND_HELD_LIMIT:
+        slip = "is it in milliseconds?" if number.value > HAND_HELD_LIMIT else "a readout upwards is `direction: bottom-to-top`"
+        raise ValueError(f"must lie in [0, {HAND_HELD_LIMIT:g}] s, got {number.value:g}; {slip}")
     return number
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rsvideo.config import yaml
 from rsvideo.config.files import read_whole
+from rsvideo.config.quantity import same_rate
 from rsvideo.config.yaml import ConfigError
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction
@@ -15,7 +16,6 @@ from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.formats import gyroflow, kalibr, opencv, ours, ros
 
 FORMS = {"rsvideo": ours, "gyroflow": gyroflow, "kalibr": kalibr, "opencv": opencv, "ros": ros}
-_SAME_RATE = 0.002  # 30 and 29.97 are one mode
 _SAME_SHAPE = 0.005  # of the ratio of columns to rows, which scaling to whole pixels may change
 
 
@@ -89,7 +89,7 @@ def for_clip(profile: CameraProfile, rows: int, cols: int, fps: float | None) ->
         raise ConfigError(
             f"{slip}; {'is it stored turned?' if turned else 'another part of the sensor is another mode, with its own profile'}"
         )
-    if profile.timing and mode.fps and fps and abs(fps / mode.fps - 1) > _SAME_RATE:
+    if profile.timing and mode.fps and fps and not same_rate(fps, mode.fps):
         raise ConfigError(f"{slip}; a readout time belongs to one rate, so this mode needs its own profile, or --readout")
     notes = () if scale == 1 else (f"{slip}: taken to show the same part of the sensor, scaled by {scale:.4g}",)
     lens, clock = profile.intrinsics, profile.timing

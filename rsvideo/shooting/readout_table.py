@@ -14,11 +14,11 @@ from importlib import resources
 
 import numpy as np
 
+from rsvideo.config.quantity import same_rate
 from rsvideo.physics.shutter import Direction
 
 SHORTEST = 1e-3  # seconds
-SLACK = 0.01  # of a frame's time, that rounding and clocks may make a readout longer than it
-_SAME_RATE = 0.002  # 30 and 29.97 are one mode
+PERIOD_SLACK = 0.01  # of a frame's period, by which clocks and rounding may let an exposure or a readout exceed it
 _ENOUGH = 3  # owners who agree that a camera reads upwards
 
 
@@ -92,11 +92,11 @@ def _entry(line: dict[str, str]) -> Entry | None:
 
 
 def _fits(readout: float, fps: float | None) -> bool:
-    return 0 < readout * (fps or 1.0) <= 1 + SLACK
+    return 0 < readout * (fps or 1.0) <= 1 + PERIOD_SLACK
 
 
 def _same(fps: float | None, other: float | None) -> bool:
-    return fps is not None and other is not None and abs(fps / other - 1) < _SAME_RATE
+    return fps is not None and other is not None and same_rate(fps, other)
 
 
 def _readout(entries: list[Entry], mode: str) -> Readout:

@@ -11,13 +11,12 @@ half of that, typically.
 import math
 from dataclasses import dataclass, replace
 
-from rsvideo.config.quantity import LONGEST, hand_held
+from rsvideo.config.quantity import HAND_HELD_LIMIT, hand_held
 from rsvideo.config.request import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.shooting.fact import Fact
-from rsvideo.shooting.readout_table import Readout
+from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
-SLACK = 0.01  # of a frame's period, by which clocks and rounding may let a time exceed it
 _APART = 0.05  # of a readout; sources that differ by more are told
 _UPRIGHT = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
 
@@ -153,9 +152,9 @@ def _given_readout(given: Camera, sources: Sources) -> Fact[float] | None:
         return Fact(value=given.readout, source="explicit")
     if given.row_time is not None:
         readout = scanlines * given.row_time
-        if readout > LONGEST:
+        if readout > HAND_HELD_LIMIT:
             raise ValueError(
-                f"row-time must let {scanlines} rows be read in {LONGEST:g} s, got {given.row_time:g} s a row;"
+                f"row-time must let {scanlines} rows be read in {HAND_HELD_LIMIT:g} s, got {given.row_time:g} s a row;"
                 f" is it in milliseconds or microseconds? that makes {readout:g} s"
             )
         return Fact(value=readout, source="explicit")
@@ -190,7 +189,7 @@ def _usable(name: str, stated: Fact[float] | None, given: Camera, sources: Sourc
 
 
 def _within_period(name: str, value: float, given: Camera, sources: Sources) -> float:
-    if sources.fps is None or given.force or value * sources.fps <= 1 + SLACK:
+    if sources.fps is None or given.force or value * sources.fps <= 1 + PERIOD_SLACK:
         return value
     slip = (
         "is it in milliseconds?" if value * 1e-3 * sources.fps <= 1 else "is the clip slowed down or sped up? --force takes it all the same"

@@ -44,7 +44,7 @@ class Matches:
     shape: tuple[int, int]
     """rows, cols of the image, px"""
     offsets: Int[np.ndarray, "down across group 2"]
-    """(rows, cols) from each reference patch to its group, nearest in looks first, itself at the head, px"""
+    """(rows, cols) from each reference patch to its group, most alike first, itself at the head, px"""
 
 
 @no_type_check

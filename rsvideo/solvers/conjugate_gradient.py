@@ -1,4 +1,4 @@
-"""Conjugate gradients: symmetric positive definite systems known by what they do to an array."""
+"""Conjugate gradients: symmetric positive definite systems given by their products with an array."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -10,7 +10,7 @@ from rsvideo.solvers.operator import LinearOperator
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Iterate:
+class Solve:
     """One step of conjugate gradients."""
 
     x: np.ndarray
@@ -30,20 +30,20 @@ class NormalMatrix:
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The product with x."""
-        seen = self.blur.forward(x)
+        blurred = self.blur.forward(x)
         if self.weights is not None:
-            seen = self.weights * seen
-        return self.scale * self.blur.adjoint(seen) + self.rho * self.gradient.adjoint(self.gradient.forward(x)) + self.eps * x
+            blurred = self.weights * blurred
+        return self.scale * self.blur.adjoint(blurred) + self.rho * self.gradient.adjoint(self.gradient.forward(x)) + self.eps * x
 
 
-def conjugate_gradient(normal: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray, start: np.ndarray) -> Iterator[Iterate]:
+def conjugate_gradient(normal: Callable[[np.ndarray], np.ndarray], rhs: np.ndarray, start: np.ndarray) -> Iterator[Solve]:
     """Hestenes and Stiefel's method for normal(x) = rhs; ends where the residual vanishes."""
     scale = math.sqrt(float(np.vdot(rhs, rhs))) or 1.0
     x = start
     r = rhs - normal(x)
     p = r
     rr = float(np.vdot(r, r))
-    yield Iterate(x=x, change=math.sqrt(rr) / scale)
+    yield Solve(x=x, change=math.sqrt(rr) / scale)
     while rr > 0:
         q = normal(p)
         alpha = rr / float(np.vdot(p, q))
@@ -51,4 +51,4 @@ def conjugate_gradient(normal: Callable[[np.ndarray], np.ndarray], rhs: np.ndarr
         r = r - alpha * q
         before, rr = rr, float(np.vdot(r, r))
         p = r + (rr / before) * p
-        yield Iterate(x=x, change=math.sqrt(rr) / scale)
+        yield Solve(x=x, change=math.sqrt(rr) / scale)

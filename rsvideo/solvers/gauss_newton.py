@@ -7,6 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+DAMPING = 1e-3  # at first, relative to the diagonal
+TRIES = 8  # of a step, each damped more
+FACTOR = 10  # by which damping rises where a step fails, and falls where it succeeds
+LEAST_DAMPING = 1e-9
+LEAST_DIAGONAL = 1e-12  # of the normal matrix, relative to its largest
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Quadratic:
@@ -39,8 +45,8 @@ def gauss_newton(
     linearise: Callable[[np.ndarray], Quadratic],
     start: Float[np.ndarray, " n"],
     *,
-    damping: float = 1e-3,
-    tries: int = 8,
+    damping: float = DAMPING,
+    tries: int = TRIES,
 ) -> Iterator[Step]:
     """Levenberg's and Marquardt's damping, relative to the diagonal; ends where no try lowers the objective."""
     theta = start
@@ -48,15 +54,15 @@ def gauss_newton(
     yield Step(theta=theta, objective=value, damping=damping, change=math.inf)
     while True:
         q = linearise(theta)
-        scale = np.maximum(np.diag(q.normal), 1e-12 * max(np.diag(q.normal).max(), 1e-300))
+        scale = np.maximum(np.diag(q.normal), LEAST_DIAGONAL * max(np.diag(q.normal).max(), 1e-300))
         for _ in range(tries):
             step = -np.linalg.solve(q.normal + damping * np.diag(scale), q.gradient)  # Eq. (12)
             tried = objective(theta + step)
             if tried < value:
                 break
-            damping *= 10
+            damping *= FACTOR
         else:
             return
         theta = theta + step  # Eq. (11)
-        change, value, damping = (value - tried) / value, tried, max(damping / 10, 1e-9)
+        change, value, damping = (value - tried) / value, tried, max(damping / FACTOR, LEAST_DAMPING)
         yield Step(theta=theta, objective=value, damping=damping, change=change)

@@ -7,7 +7,7 @@ import numpy as np
 
 @runtime_checkable
 class LinearOperator(Protocol):
-    """A matrix known by what it and its transpose do."""
+    """A matrix given by its products and those of its transpose."""
 
     def forward(self, x: np.ndarray, /) -> np.ndarray:
         """A x."""

@@ -1,4 +1,4 @@
-"""When an iteration ends: methods yield states, one driver stops them all and says why."""
+"""When an iteration ends: methods yield states, one driver stops them all and gives the reason."""
 
 import enum
 import math

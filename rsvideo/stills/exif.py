@@ -10,7 +10,7 @@ _CARRIED = (  # of the first directory: description, make, model, orientation, r
 )
 ORIENTATION, _EXIF, _GPS = 274, 0x8769, 0x8825
 _INTEROPERABILITY = 0xA005  # an offset into the file it came from
-_FULL_FRAME_DIAGONAL = 43.266615  # mm, of 36 x 24
+FULL_FRAME_DIAGONAL = 43.266615  # mm, of 36 x 24
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,7 @@ class Shot:
 
     def focal_px(self, rows: int, cols: int) -> float | None:
         """The focal length in pixels of an uncropped picture; equivalence is by the diagonal (CIPA DCG-001)."""
-        return self.focal_35mm * (rows**2 + cols**2) ** 0.5 / _FULL_FRAME_DIAGONAL if self.focal_35mm else None
+        return self.focal_35mm * (rows**2 + cols**2) ** 0.5 / FULL_FRAME_DIAGONAL if self.focal_35mm else None
 
 
 def shot(data: bytes | None) -> Shot:

@@ -15,12 +15,13 @@ from jaxtyping import Bool, Float32
 from numba import njit
 
 from rsvideo.physics import tone
+from rsvideo.physics.luminance import BT709_WEIGHTS
 from rsvideo.physics.tone import Tone
 from rsvideo.video.stream import Colour, Matrix, Picture
 
 Light = Float32[np.ndarray, "rows cols channels"]  # 3, or 1 of a grey picture
 
-_KR_KB = {Matrix.BT601: (0.299, 0.114), Matrix.BT709: (0.2126, 0.0722), Matrix.BT2020: (0.2627, 0.0593)}
+_KR_KB = {Matrix.BT601: (0.299, 0.114), Matrix.BT709: (0.2126, 0.0722), Matrix.BT2020: (0.2627, 0.0593)}  # H.273, table 4
 _ENTRIES = 1 << 16  # of a table, evenly spaced
 _BELOW, _ABOVE = 1.5, 4.0  # steps of 8 bits about white that count as clipped: what a codec makes of a plateau
 
@@ -47,7 +48,7 @@ def encoded(pixels: Light, picture: Picture, target: Colour) -> Picture:
     """A picture in the layout `target` that shows `pixels`, whatever layout `picture` has; only its times are taken."""
     channels = 1 if target.subsampling == "4:0:0" else 3
     if pixels.shape[2] != channels:
-        pixels = np.repeat(pixels, 3, axis=2) if channels == 3 else (pixels @ np.array([[0.2126], [0.7152], [0.0722]], np.float32))
+        pixels = np.repeat(pixels, 3, axis=2) if channels == 3 else pixels @ BT709_WEIGHTS[:, None]
     if target.floating:
         return replace(picture, planes=tuple(np.ascontiguousarray(pixels[..., k]) for k in range(channels)))
     return replace(picture, planes=_stored(_mixed(_coded(pixels, target), target), target))

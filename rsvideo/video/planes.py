@@ -1,6 +1,5 @@
 """Pictures kept losslessly between two steps of the work: one file, each plane a NumPy array in a ZIP archive."""
 
-import hashlib
 import io
 import os
 import zipfile
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreadableError, part_of, sha256
 from rsvideo.video.stream import Picture, Stream
 
 _LEVEL = 1  # of deflate: noise hardly shrinks more
@@ -20,7 +19,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # the same pictures make the same bytes
 
 def write(path: Path, pictures: Iterable[Picture]) -> str:
     """Write the pictures so that the file appears whole or not at all; answers its SHA-256."""
-    part = path.with_name(path.name + ".part")
+    part = part_of(path)
     try:
         with part.open("wb") as file:
             with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as archive:
@@ -31,8 +30,7 @@ def write(path: Path, pictures: Iterable[Picture]) -> str:
                         archive.writestr(zipfile.ZipInfo(f"{picture.index}.{k}", _DATE), data.getvalue(), zipfile.ZIP_DEFLATED)
             file.flush()
             os.fsync(file.fileno())
-        with part.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = sha256(part)
         part.replace(path)
         return digest
     except OSError as error:

@@ -15,6 +15,7 @@ import rawpy
 import tifffile
 
 from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.config.quantity import FASTEST_RATE
 from rsvideo.physics.tone import Transfer
 from rsvideo.stills import exr, png, tiff
 from rsvideo.stills.codes import MOST_BYTES, Codes, check_pixels
@@ -44,8 +45,8 @@ def probe(path: Path, rate: Fraction | None) -> Stream:
     rate = rate or stated
     if rate is None:
         raise ValueError(f"the rate of {path} must be given, such as 24 or 24000/1001; pictures in a folder do not say it")
-    if not 0 < rate <= 100_000:
-        raise ValueError(f"the rate of {path} must lie in (0, 100000] pictures a second, got {rate}")
+    if not 0 < rate <= FASTEST_RATE:
+        raise ValueError(f"the rate of {path} must lie in (0, {FASTEST_RATE}] pictures a second, got {rate}")
     planes, notes = _read(files[0], None)
     rows, cols = planes[0].shape
     times = np.arange(len(files), dtype=np.int64)

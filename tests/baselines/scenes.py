@@ -3,8 +3,11 @@
 import numpy as np
 
 from rsvideo.frame import Frame
+from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial as Way
 from rsvideo.physics.trajectory import Trajectory, centred
+from rsvideo.restoration.scanlines import View, to_scanlines
 
 
 def cards(rows: int, cols: int, *, channels: int = 1, count: int = 150, seed: int = 3) -> np.ndarray:
@@ -25,3 +28,10 @@ def path(coefficients: np.ndarray) -> Trajectory:
 def frame(pixels: np.ndarray) -> Frame:
     """A frame that is clipped where it is full."""
     return Frame(pixels=pixels, clipped=pixels >= 1)
+
+
+def view(given: Frame, timing: ShutterTiming, lens: Intrinsics | None = None) -> View:
+    """The frame along its scanlines, by a camera of any focal length where that does not matter."""
+    rows, cols = given.pixels.shape[:2]
+    lens = lens or Intrinsics.centred(focal=float(max(rows, cols)), rows=rows, cols=cols)
+    return to_scanlines(given, Camera(timing=timing, intrinsics=lens))

@@ -12,8 +12,8 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.single_frame import Settings, along_scanlines
-from tests.baselines.scenes import cards, frame, path
+from rsvideo.restoration.settings import Settings
+from tests.baselines.scenes import cards, frame, path, view
 
 ROWS, COLS = 128, 160
 CAMERA = Intrinsics.centred(focal=400.0, rows=ROWS, cols=COLS)
@@ -45,11 +45,11 @@ def true_density(rolls=17, size=17):
 
 def test_the_known_density_is_undone_and_better_than_its_middle_kernel_alone():
     case = taken()
-    view = along_scanlines(frame(case.blurred), TIMING, CAMERA)
+    taken_by = view(frame(case.blurred), TIMING, CAMERA)
     density = true_density()
-    latent = uniform.solved(nonuniform.tiled_frame(view, density), SETTINGS, view.noise)
+    latent = uniform.solved(nonuniform.tiled_frame(taken_by, density), SETTINGS, taken_by.noise)
     middle = density.weights.sum(axis=0)
-    alone = uniform.deconvolved(case.blurred, case.blurred >= 1, middle, SETTINGS, view.noise)
+    alone = uniform.deconvolved(case.blurred, case.blurred >= 1, middle, SETTINGS, taken_by.noise)
     assert psnr(latent, case.truth) > psnr(case.blurred, case.truth) + 4
     assert psnr(latent, case.truth) > psnr(alone, case.truth) + 2
 
@@ -75,8 +75,8 @@ def test_a_frame_blurred_by_roll_gains_more_than_with_one_kernel():
     trajectory = path(np.array([[0.0, 0.0, 0.0], [2.5, 1.5, 0.012]]))
     rng, noise = np.random.default_rng(0), simulate.Noise(sigma=0.002)
     case = simulate.render(scene, camera=camera, timing=timing, trajectory=trajectory, noise=noise, rng=rng, samples=32)
-    one = uniform.restored(frame(case.blurred), timing, SETTINGS)
-    many = nonuniform.restored(frame(case.blurred), timing, camera, SETTINGS)
+    one = uniform.restored(view(frame(case.blurred), timing), SETTINGS)
+    many = nonuniform.restored(view(frame(case.blurred), timing, camera), SETTINGS)
     assert many.verdict is Verdict.RESTORED
     assert many.psfs is not None
     assert many.psfs.shape[:2] == (3, 3)
@@ -89,7 +89,7 @@ def test_a_sharp_frame_and_one_without_texture_are_left_as_they_were():
     sharp = taken(0 * TURN, (skimage.data.astronaut()[0:200, 100:330] / 255) ** 2.2).blurred
     flat = np.full_like(sharp, 0.5) + 0.002 * np.random.default_rng(0).standard_normal(sharp.shape).astype(np.float32)
     for pixels, verdict in ((sharp, Verdict.SHARP), (flat, Verdict.NO_TEXTURE)):
-        result = nonuniform.restored(frame(pixels), TIMING, CAMERA, SETTINGS)
+        result = nonuniform.restored(view(frame(pixels), TIMING, CAMERA), SETTINGS)
         assert result.verdict is verdict
         np.testing.assert_array_equal(result.latent, pixels)
 

@@ -5,12 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsvideo.baselines.rectify import after, movement, rectified, restored
-from rsvideo.frame import Frame, Verdict
-from rsvideo.physics.shutter import Direction
+from rsvideo.baselines import rectify
+from rsvideo.baselines.rectify import after
+from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Rendering
-from rsvideo.physics.trajectory import Polynomial, Spline, fit
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, fit
+from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.scanlines import View, path_along_scanlines, to_scanlines
+from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import codes, track
 from tests.pipeline.moving import Moving
 
@@ -20,6 +25,26 @@ STILL = Polynomial(t0=0.0, t1=0.02, coefficients=np.zeros((2, 3)))
 def sharp(frames: int, direction: Direction = Direction.TOP_TO_BOTTOM, reach: float = 10.0) -> Moving:
     """A clip of short exposures, whose rows are read over most of a frame's time."""
     return Moving(frames=frames, direction=direction, reach=reach, exposure=0.5e-3, readout=0.03)
+
+
+def movement(moving: Moving, frames: list[Frame] | None = None) -> Movement:
+    camera = Camera(timing=moving.timing, intrinsics=moving.camera)
+    return rectify.movement(moving.recorded if frames is None else frames, camera, Settings())
+
+
+def along(frame: Frame, path: Trajectory | None, timing: ShutterTiming, lens: Intrinsics) -> tuple[View, Trajectory | None]:
+    """The frame and its path, given in image axes, along the scanlines."""
+    return to_scanlines(frame, Camera(timing=timing, intrinsics=lens)), path and path_along_scanlines(path, timing.direction)
+
+
+def rectified(frame: Frame, path: Trajectory, timing: ShutterTiming, lens: Intrinsics) -> Frame:
+    view, path_along = along(frame, path, timing, lens)
+    assert path_along is not None
+    return rectify.rectified(view, path_along).frame
+
+
+def restored(frame: Frame, path: Trajectory | None, timing: ShutterTiming, lens: Intrinsics, flow: Flow | None = None) -> FrameResult:
+    return rectify.restored(*along(frame, path, timing, lens), flow=flow)
 
 
 def drifting(moving: Moving, velocity: np.ndarray) -> list[Rendering]:
@@ -64,8 +89,8 @@ def test_a_frame_that_stands_still_or_is_not_known_to_move_is_left_as_it_was() -
     moving = sharp(1)
     frame = moving.recorded[0]
     for way, verdict in ((STILL, Verdict.SHARP), (None, Verdict.NO_TEXTURE)):
-        result = restored(frame, way, moving.timing, moving.camera, timing_source="EXIF")
-        assert (result.verdict, result.timing_source) == (verdict, "EXIF")
+        result = restored(frame, way, moving.timing, moving.camera)
+        assert result.verdict is verdict
         np.testing.assert_array_equal(result.latent, frame.pixels)
         assert not result.trajectory.at(np.array([0.01])).any()
 
@@ -102,7 +127,7 @@ def test_colours_are_moved_alike() -> None:
 @pytest.mark.parametrize("direction", [Direction.TOP_TO_BOTTOM, Direction.RIGHT_TO_LEFT])
 def test_what_tracks_show_takes_more_than_two_thirds_of_the_wobble_away(direction: Direction) -> None:
     moving = sharp(6, direction)
-    found = movement(moving.recorded, moving.timing, moving.camera, Settings(), lambda _: None)
+    found = movement(moving)
     before, now = [], []
     for k in range(1, 5):
         result = restored(moving.recorded[k], found.within[k], moving.timing, moving.camera)
@@ -123,7 +148,7 @@ def test_a_near_thing_that_passes_by_is_put_right_too(direction: Direction, ther
     frames, truth = moving.recorded, [shot.truth.copy() for shot in moving.renderings]
     for frame, home, near in zip(frames, truth, drifting(moving, np.array(velocity)), strict=True):
         frame.pixels[there], home[there] = near.blurred[there], near.truth[there]
-    found = movement(frames, moving.timing, moving.camera, Settings(), lambda _: None)
+    found = movement(moving, frames)
     ours, plain, before = [], [], []
     for k in (1, 2):
         assert found.flows[k]
@@ -136,6 +161,6 @@ def test_a_near_thing_that_passes_by_is_put_right_too(direction: Direction, ther
 
 def test_frames_without_a_neighbour_have_no_way() -> None:
     moving = sharp(1)
-    assert movement(moving.recorded, moving.timing, moving.camera, Settings(), lambda _: None).within == [None]
+    assert movement(moving).within == [None]
     flat = [Frame(pixels=np.full((96, 160, 1), 0.5, np.float32), clipped=np.zeros((96, 160, 1), bool), time=k / 24) for k in range(2)]
-    assert movement(flat, moving.timing, moving.camera, Settings(), lambda _: None).within == [None, None]
+    assert movement(moving, flat).within == [None, None]

@@ -13,8 +13,8 @@ from rsvideo.baselines.stitch import Block
 from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.single_frame import Settings
-from tests.baselines.scenes import cards
+from rsvideo.restoration.settings import Settings
+from tests.baselines.scenes import cards, view
 
 ROWS, COLS = 144, 112
 SETTINGS = Settings(prior="tv")
@@ -48,7 +48,10 @@ def shutter(rows=ROWS, direction=Direction.TOP_TO_BOTTOM):
 
 def test_one_block_is_the_uniform_method():
     pixels = taken(streak(4, 2))
-    whole, one = uniform.restored(frame(pixels), shutter(), SETTINGS), stitch.restored(frame(pixels), shutter(), SETTINGS, block_rows=1000)
+    whole, one = (
+        uniform.restored(view(frame(pixels), shutter()), SETTINGS),
+        stitch.restored(view(frame(pixels), shutter()), SETTINGS, block_rows=1000),
+    )
     np.testing.assert_allclose(one.latent, whole.latent, atol=1e-6)
     assert one.psfs is not None
     assert whole.psfs is not None
@@ -60,10 +63,9 @@ def test_under_the_same_kernel_everywhere_nobody_sees_the_blocks(block_rows):
     kernel = streak(4, 2)
     pixels = taken(kernel)
     whole = uniform.deconvolved(pixels, np.zeros(pixels.shape, bool), kernel, SETTINGS, 0.002)
-    view, _ = uniform.seen(frame(pixels), shutter(), SETTINGS)
     drifting = [np.roll(kernel, (i % 3 - 1, i % 2), (0, 1)) for i in range(20)]  # the place of a kernel is free
     blocks = [Block(first=a, last=b, kernel=k) for (a, b), k in zip(stitch.split(ROWS, block_rows), drifting, strict=False)]
-    latent = stitch.stitched(view, blocks, SETTINGS)
+    latent = stitch.stitched(view(frame(pixels), shutter()), blocks, SETTINGS)
     assert psnr(latent, whole) > 38
     assert psnr(latent, scene()) > psnr(pixels, scene()) + 5
 
@@ -72,7 +74,7 @@ def test_where_the_blur_turns_over_the_frame_blocks_gain_more_than_one_kernel():
     truth = scene(240, 128)
     upper, lower = taken(streak(4, 0), truth), taken(streak(0, 4), truth)
     pixels = np.vstack([upper[:120], lower[120:]])
-    one, many = (method(frame(pixels), shutter(240), SETTINGS) for method in (uniform.restored, stitch.restored))
+    one, many = (method(view(frame(pixels), shutter(240)), SETTINGS) for method in (uniform.restored, stitch.restored))
     assert psnr(many.latent, truth) > psnr(pixels, truth) + 1
     assert psnr(many.latent, truth) > psnr(one.latent, truth) + 1
     assert many.psfs is not None
@@ -83,7 +85,7 @@ def test_a_block_without_texture_takes_its_neighbours_kernel():
     image = scene()
     image[:60] = 0.5
     pixels = taken(streak(4, 2), image)
-    result = stitch.restored(frame(pixels), shutter(), SETTINGS)
+    result = stitch.restored(view(frame(pixels), shutter()), SETTINGS)
     assert result.verdict is Verdict.RESTORED
     assert result.psfs is not None
     np.testing.assert_array_equal(result.psfs[0], result.psfs[1])
@@ -92,9 +94,9 @@ def test_a_block_without_texture_takes_its_neighbours_kernel():
 
 def test_a_frame_read_sideways_is_cut_across_its_columns():
     pixels = taken(streak(4, 2))
-    upright = stitch.restored(frame(pixels), shutter(), SETTINGS)
+    upright = stitch.restored(view(frame(pixels), shutter()), SETTINGS)
     turned = np.ascontiguousarray(pixels.transpose(1, 0, 2))
-    sideways = stitch.restored(frame(turned), replace(shutter(), direction=Direction.LEFT_TO_RIGHT), SETTINGS)
+    sideways = stitch.restored(view(frame(turned), replace(shutter(), direction=Direction.LEFT_TO_RIGHT)), SETTINGS)
     np.testing.assert_allclose(sideways.latent, upright.latent.transpose(1, 0, 2), atol=1e-5)
     assert upright.psfs is not None
     assert sideways.psfs is not None
@@ -119,4 +121,4 @@ def test_a_displacement_is_found_to_a_tenth_of_a_pixel(shift):
 
 def test_blocks_too_short_are_refused():
     with pytest.raises(ValueError, match="block_rows must be at least 24 scanlines, got 8"):
-        stitch.restored(frame(scene()), shutter(), SETTINGS, block_rows=8)
+        stitch.restored(view(frame(scene()), shutter()), SETTINGS, block_rows=8)

@@ -12,8 +12,8 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.single_frame import Settings
-from tests.baselines.scenes import cards, frame, path
+from rsvideo.restoration.settings import Settings
+from tests.baselines.scenes import cards, frame, path, view
 
 ROWS, COLS = 128, 144
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
@@ -59,7 +59,7 @@ def likeness(one, other):
 @pytest.mark.parametrize("channels", [3, 1], ids=["colour", "grey"])
 def test_the_kernel_is_the_path_and_the_picture_gains(channels):
     case = taken(scene=cards(200, 200, channels=channels))
-    result = uniform.restored(frame(case.blurred), shutter(), SETTINGS)
+    result = uniform.restored(view(frame(case.blurred), shutter()), SETTINGS)
     assert result.verdict is Verdict.RESTORED
     assert result.psfs is not None
     assert result.psfs.shape[:2] == (1, 1)
@@ -79,10 +79,10 @@ def test_a_known_kernel_is_undone():
 
 def test_a_frame_read_sideways_has_its_kernel_and_its_picture_in_its_own_axes():
     case = taken()
-    upright = uniform.restored(frame(case.blurred), shutter(), SETTINGS)
+    upright = uniform.restored(view(frame(case.blurred), shutter()), SETTINGS)
     pixels = np.ascontiguousarray(case.blurred.transpose(1, 0, 2))
     timing = replace(shutter(), rows=ROWS, direction=Direction.LEFT_TO_RIGHT)
-    sideways = uniform.restored(frame(pixels), timing, SETTINGS)
+    sideways = uniform.restored(view(frame(pixels), timing), SETTINGS)
     assert upright.psfs is not None
     assert sideways.psfs is not None
     np.testing.assert_allclose(sideways.psfs[0, 0], upright.psfs[0, 0].T, atol=1e-6)
@@ -93,14 +93,14 @@ def test_a_sharp_frame_and_one_without_texture_are_left_as_they_were():
     sharp = taken(0 * HOOK).blurred
     flat = np.full_like(sharp, 0.5) + 0.002 * np.random.default_rng(0).standard_normal(sharp.shape).astype(np.float32)
     for pixels, verdict in ((sharp, Verdict.SHARP), (flat, Verdict.NO_TEXTURE)):
-        result = uniform.restored(frame(pixels), shutter(), SETTINGS)
+        result = uniform.restored(view(frame(pixels), shutter()), SETTINGS)
         assert result.verdict is verdict
         np.testing.assert_array_equal(result.latent, pixels)
 
 
 def test_a_kernel_that_touches_its_border_grows(monkeypatch):
     case = taken()
-    large = uniform.restored(frame(case.blurred), shutter(), SETTINGS)
+    large = uniform.restored(view(frame(case.blurred), shutter()), SETTINGS)
     monkeypatch.setattr(uniform, "SIZES", (7, 17))
-    grown = uniform.restored(frame(case.blurred), shutter(), SETTINGS)
+    grown = uniform.restored(view(frame(case.blurred), shutter()), SETTINGS)
     np.testing.assert_array_equal(grown.psfs, large.psfs)

@@ -87,7 +87,7 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
         raise OSError(errno.ENOSPC, "No space left on device", str(folder / "chunk.part"))
     value, made = 0, bytearray()
     for frame in range(chunk.first - chunk.warm_up, chunk.last + 1):
-        observe(Progress(stage="motion", fraction=max(0.0, frame - chunk.first + 0.5) / chunk.frames, frame=frame))
+        observe(Progress(stage="motion", fraction=0.5, frame=frame))
         time.sleep(float(os.environ.get("PACE", "0")))
         if task.data[frame] == ord("!"):
             raise UnreadableError(f"{task.request.source} is damaged at frame {frame}")

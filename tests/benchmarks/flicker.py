@@ -4,7 +4,7 @@
 
 Each case draws a readout of 5 to 35 ms, a light of 100 Hz to 2 kHz (a sine, or a square wave of any duty), an exposure of up to half its
 period, a frame rate, a scene whose contrast along the rows is up to ten times that of the bands, a slow drift of the light, shot and
-read noise, and 8-bit sRGB codes. --still keeps the first frame only; --slip says a frequency that is so many times the light's; --hand
+read noise, and 8-bit sRGB codes. --still keeps the first frame only; --slip states a frequency that is so many times the light's; --hand
 moves the scene by so many px from frame to frame.
 """
 
@@ -13,8 +13,8 @@ import argparse
 import numpy as np
 
 from calibration import flicker
-from calibration.bands import CannotTellError
-from calibration.readout import measure, profile
+from calibration.timing.bands import measure, row_profile
+from calibration.timing.cannot_tell import CannotTellError
 from rsvideo.physics import tone
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
@@ -35,7 +35,7 @@ def scene(rng: np.random.Generator, contrast: float) -> np.ndarray:
 
 
 def case(seed: int, frames: int, slip: float, hand: float) -> dict:
-    """One clip, measured; its light is said to be `slip` times as fast as it is."""
+    """One clip, measured; its light is stated to be `slip` times as fast as it is."""
     rng = np.random.default_rng([seed, 7])
     readout = float(rng.uniform(5e-3, 35e-3))
     hertz = float(np.exp(rng.uniform(np.log(100), np.log(2000))))
@@ -58,13 +58,13 @@ def case(seed: int, frames: int, slip: float, hand: float) -> dict:
         light = flicker.lit(moved, timing, flicker.gains(timing, k / fps, amplitudes, hertz=hertz, cycles=drift * k))
         light = light + rng.standard_normal(light.shape) * 0.005 * np.sqrt(0.5 + np.maximum(light, 0))
         codes = np.round(255 * tone.encode(Transfer.SRGB, np.clip(light, 0, 1).astype(np.float32)))
-        profiles.append(profile(tone.decode(Transfer.SRGB, codes / np.float32(255))))
+        profiles.append(row_profile(tone.decode(Transfer.SRGB, codes / np.float32(255))))
         times.append(k / fps)
     facts = {"readout": readout, "hertz": hertz, "fps": fps, "depth": depth, "scene / bands": ratio, "bands": readout * hertz}
     try:
         found = measure(profiles, times, slip * hertz, longest=1 / fps)
     except CannotTellError as error:
-        return facts | {"told": str(error)}
+        return facts | {"reason": str(error)}
     wrong = found.direction is not None and found.direction is not direction
     return facts | {
         "error": found.readout / readout - 1,
@@ -90,12 +90,12 @@ def main() -> None:
     for one in done:
         facts = f"| {one['hertz']:.0f} | {one['fps']:.2f} | {one['bands']:.2f} | {one['depth']:.2f} | {one['scene / bands']:.1f} "
         facts += f"| {1e3 * one['readout']:.2f} |"
-        told = (
+        answer = (
             "cannot tell |"
-            if "told" in one
+            if "reason" in one
             else f"{100 * one['error']:.3f} | {100 * one['std']:.3f} | {one['direction'] or 'cannot tell'} |"
         )
-        print(facts, told, one.get("told", ""))
+        print(facts, answer, one.get("reason", ""))
     answered = [one for one in done if "error" in one]
     errors = np.abs([one["error"] for one in answered])
     sigmas = errors / [one["std"] for one in answered]

@@ -20,10 +20,13 @@ import tifffile
 
 from rsvideo.baselines import uniform
 from rsvideo.frame import Frame
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration.blind_kernel import centre, fitted
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.restoration.scanlines import to_scanlines
+from rsvideo.restoration.scene import scene_of
+from rsvideo.restoration.settings import Settings
 
 
 def main() -> None:
@@ -73,7 +76,9 @@ def error_ratios(folder: Path) -> None:
         sharp, blurred = (np.clip(data[name], 0, 1).astype(np.float32)[..., None] for name in "xy")
         true = centre(np.ascontiguousarray(data["f"][::-1, ::-1], np.float32))
         frame = Frame(pixels=blurred, clipped=blurred >= 1)
-        view, scene = uniform.seen(frame, ShutterTiming(exposure=0.3, row_time=0.0, rows=len(blurred)), solvers["tv"])
+        timing, lens = ShutterTiming(exposure=0.3, row_time=0.0, rows=len(blurred)), Intrinsics.centred(focal=255.0, rows=255, cols=255)
+        view = to_scanlines(frame, Camera(timing=timing, intrinsics=lens))
+        scene = scene_of(view, solvers["tv"])
         started = time.monotonic()
         found = fitted(scene.frame, uniform.SIZES, uniform.KERNELS)
         seconds = time.monotonic() - started

@@ -1,4 +1,4 @@
-"""Render hand-held clips of known readout, follow their points, and print the readout that these tell.
+"""Render hand-held clips of known readout, follow their points, and print the readout that these show.
 
     python tests/benchmarks/selfcal.py [--cases 24] [--seed 0] [--frames 25]
 
@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 import skimage.data
 
-from calibration.bands import CannotTellError
-from calibration.selfcal import Pair, explain
+from calibration.timing.cannot_tell import CannotTellError
+from calibration.timing.pair_motion import Pair
+from calibration.timing.self_calibration import explain
 from rsvideo.physics import gyro, shake, simulate, tone
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
@@ -36,7 +37,7 @@ def scene(name: str) -> np.ndarray:
 
 
 def case(seed: int, frames: int) -> tuple[dict, str]:
-    """One clip: its facts, and what was told."""
+    """One clip: its facts, and why no readout was found, if none was."""
     rng = np.random.default_rng([seed, 3])
     name = SCENES[seed % len(SCENES)]
     readout, exposure = float(rng.uniform(4e-3, 33e-3)), float(rng.uniform(1e-3, 8e-3))
@@ -55,17 +56,17 @@ def case(seed: int, frames: int) -> tuple[dict, str]:
         frame = simulate._sampled_through(light, x, y, maps, camera=camera, tell=float)[..., 0]
         frame = frame + 0.004 * rng.standard_normal(frame.shape) * np.sqrt(0.5 + np.maximum(frame, 0))
         stored = np.round(255 * tone.encode(Transfer.SRGB, np.clip(frame, 0, 1).astype(np.float32)))
-        seen = tracks.codes(tone.decode(Transfer.SRGB, stored / np.float32(255)).astype(float))
+        codes = tracks.codes(tone.decode(Transfer.SRGB, stored / np.float32(255)).astype(float))
         if before is not None:
-            found = tracks.track(before, seen)
+            found = tracks.track(before, codes)
             pairs.append(Pair(before=found.before, after=found.after, begins=((k - 1) / FPS, k / FPS)))
-        before = seen
+        before = codes
     facts = {"scene": name, "readout": readout, "rms": rms, "exposure": exposure, "points": np.median([len(pair.before) for pair in pairs])}
     try:
-        told = explain(pairs, rows=ROWS, cols=COLS, period=1 / FPS)
+        explained = explain(pairs, rows=ROWS, cols=COLS, period=1 / FPS)
     except CannotTellError as error:
         return facts, str(error)
-    return facts | {"error": told.readout / readout - 1, "std": told.std / readout}, ""
+    return facts | {"error": explained.readout / readout - 1, "std": explained.std / readout}, ""
 
 
 def main() -> None:
@@ -83,8 +84,8 @@ def main() -> None:
         facts, why = case(args.seed + k, args.frames)
         line = f"| {facts['scene']} | {facts['rms']:.3f} | {1e3 * facts['exposure']:.1f} | {facts['points']:.0f} "
         line += f"| {1e3 * facts['readout']:.2f} |"
-        told = "cannot tell | " if why else f"{100 * facts['error']:.1f} | {100 * facts['std']:.1f}"
-        print(line, told, f"| {time.perf_counter() - start:.0f} |", why, flush=True)
+        answer = "cannot tell | " if why else f"{100 * facts['error']:.1f} | {100 * facts['std']:.1f}"
+        print(line, answer, f"| {time.perf_counter() - start:.0f} |", why, flush=True)
         answered += [] if why else [facts]
         still += facts["rms"] < 1e-3
     errors = np.abs([facts["error"] for facts in answered])

@@ -20,15 +20,15 @@ import pytest
 import skimage.data
 from numba import njit, prange
 
+from rsvideo.paper.alternation import PaperSettings, alternate
+from rsvideo.paper.latent_image import LatentSettings, RowBlur, restore_rows
 from rsvideo.physics import simulate
 from rsvideo.physics.blur import BlurOperator
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer, decode
 from rsvideo.physics.trajectory import Polynomial
-from rsvideo.restoration.alternation import PaperSettings, alternate
-from rsvideo.restoration.latent import LatentSettings, RowBlur, restore_rows
 from rsvideo.solvers.conjugate_gradient import NormalMatrix, conjugate_gradient
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.stopping import solve
@@ -266,7 +266,7 @@ def test_one_round_of_algorithm_1(frame, benchmark):
     settings = PaperSettings(mu_0=MU, mu_min=MU, latent=LatentSettings(steps=10, tolerance=0))
 
     def step() -> float:
-        return next(alternate(b, timing=TIMING, intrinsics=CAMERA, start=off, settings=settings)).objective
+        return next(alternate(b, camera=Camera(timing=TIMING, intrinsics=CAMERA), start=off, settings=settings)).objective
 
     step()
     value = benchmark.pedantic(step, rounds=3)

@@ -14,18 +14,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from rsvideo.paper import latent_image
 from rsvideo.physics import tone
 from rsvideo.physics.blur import BlurOperator
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration import latent, nonblind
-from rsvideo.restoration.single_frame import Settings, luminance
+from rsvideo.restoration import nonblind
+from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import known_motion
 
 MU = 5e-4
-CONVERGED = latent.LatentSettings(steps=40, inner_tolerance=1e-4)
+CONVERGED = latent_image.LatentSettings(steps=40, inner_tolerance=1e-4)
 
 
 def grey(path: Path) -> np.ndarray:
@@ -45,10 +47,12 @@ def gains(case: Path) -> tuple[int, float, float, float]:
     path = known_motion.read(case / "motion.csv", timing, camera)
     settings = Settings()
     unclipped = np.zeros((*frame.shape, 1), bool)
-    tiles = nonblind.tiled(frame[..., None], unclipped, path, camera, timing, samples=settings.samples, tolerance=settings.tolerance)
+    tiles = nonblind.tiled(
+        frame[..., None], unclipped, path, Camera(timing=timing, intrinsics=camera), samples=settings.samples, tolerance=settings.tolerance
+    )
     by_tiles = deque(nonblind.deblur(tiles, prior="tv", mu=MU, noise=0.003), maxlen=1).pop()[..., 0]
     K = BlurOperator.covering(path, timing=timing, intrinsics=camera, samples=settings.samples)
-    by_gradients = latent.restore(frame, K, mu=MU, settings=CONVERGED)[K.inside]
+    by_gradients = latent_image.restore(frame, K, mu=MU, settings=CONVERGED)[K.inside]
 
     def against_truth(light: np.ndarray) -> float:
         return psnr(*(tone.encode(Transfer.SRGB, image.astype(np.float32))[..., None] for image in (light, truth)))

@@ -21,15 +21,17 @@ import skimage.data
 from rsvideo.baselines.rectify import movement, rectified
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro
-from rsvideo.physics.camera import Intrinsics, turned
+from rsvideo.physics.camera import Camera, Intrinsics, turned
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Noise, margin, render
 from rsvideo.physics.trajectory import Spline, Trajectory
 from rsvideo.restoration.camera_path import follow, unexplained, within
-from rsvideo.restoration.multi_frame import Movement
-from rsvideo.restoration.parallax import Points, flows
-from rsvideo.restoration.single_frame import Settings, luminance
+from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.parallax import Flow, Points, flows
+from rsvideo.restoration.scanlines import path_along_scanlines, to_scanlines
+from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
 from rsvideo.stills import still
 from rsvideo.video import colour
@@ -116,9 +118,15 @@ def told(moving: Clip, k: int, found: Movement | None) -> np.ndarray:
     pixels = (0.25 + 0.5 * home / extent).astype(np.float32)  # so that places somewhat outside lie in [0, 1] too
     shown = Frame(pixels=pixels, clipped=np.zeros(pixels.shape, bool))
     if found is not None and (way := found.within[k]) is not None:
-        shown = rectified(shown, way, timing, camera, flow=found.flows[k])
+        shown = straight(moving, shown, way, found.flows[k])
     inside = ~shown.clipped.any(axis=2)
     return ((shown.pixels - 0.25) / 0.5 * extent - here)[inside]
+
+
+def straight(moving: Clip, frame: Frame, way: Trajectory, flow: Flow | None) -> Frame:
+    """The frame rectified along a path in image axes."""
+    view = to_scanlines(frame, Camera(timing=moving.timing, intrinsics=moving.camera))
+    return rectified(view, path_along_scanlines(way, moving.timing.direction), flow=flow).frame
 
 
 def tracked(pixels: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -135,10 +143,10 @@ def rms(displacements: list[np.ndarray]) -> float:
 
 def measured(moving: Clip) -> tuple[float, ...]:
     """Wobble before and after, as the true motion tells it and as corners show it."""
-    found = movement(moving.frames, moving.timing, moving.camera, Settings(), lambda _: None)
+    found = movement(moving.frames, Camera(timing=moving.timing, intrinsics=moving.camera), Settings())
     before, now = (rms([told(moving, k, how) for k in range(len(moving.frames))]) for how in (None, found))
     ways = zip(moving.frames, found.within, found.flows, strict=True)
-    shown = [rectified(f, w, moving.timing, moving.camera, flow=u) if w else f for f, w, u in ways]
+    shown = [straight(moving, f, w, u) if w else f for f, w, u in ways]
     seen = rms([tracked(f.pixels, t) for f, t in zip(moving.frames, moving.truth, strict=True)])
     left = rms([tracked(f.pixels, t) for f, t in zip(shown, moving.truth, strict=True)])
     return before, now, now / before, seen, left, left / seen
@@ -152,8 +160,8 @@ def paired(folder: Path, name: str) -> tuple[float, ...]:
     timing = ShutterTiming.from_readout(exposure=1e-3, readout=0.03, rows=rows)
     points = track(codes(luminance(down)), codes(luminance(up)))
     half, rest = (Tracks(before=points.before[k::2], after=points.after[k::2]) for k in (0, 1))
-    path = follow([half], np.zeros(2), timing, camera, 3, backwards=(1,)).spline
-    ((moved, elapsed),) = unexplained(path, [half], np.zeros(2), timing, camera, backwards=(1,))
+    path = follow([half], np.zeros(2), Camera(timing=timing, intrinsics=camera), 3, backwards=(1,)).spline
+    ((moved, elapsed),) = unexplained(path, [half], np.zeros(2), Camera(timing=timing, intrinsics=camera), backwards=(1,))
     (flow,) = flows([Points(at=half.before, moved=moved, elapsed=elapsed)], max(rows, cols))
     way, home = within(path, 0.0, timing), []
     for seen, scanlines in ((rest.before, rest.before[:, 1]), (rest.after, rows - 1 - rest.after[:, 1])):

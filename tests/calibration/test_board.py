@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration import sheet
-from calibration.board import Kind, find, parse
+from calibration.boards import sheet
+from calibration.boards.detect import find
+from calibration.boards.target import Kind, parse
 from tests.calibration.boards_in_view import picture
 
 CHESSBOARD, CHARUCO, GRID = "chessboard:9x6:25mm", "charuco:5x7:DICT_6X6_250:30mm:22mm", "aprilgrid:6x6:22mm:0.3"
@@ -29,8 +30,8 @@ def test_a_board_is_what_its_name_says() -> None:
     board = parse(CHARUCO)
     assert (board.kind, board.cols, board.rows, board.side, board.inner) == (Kind.CHARUCO, 5, 7, pytest.approx(0.03), pytest.approx(0.022))
     assert parse("aprilgrid:6x6:88mm:0.3").inner == pytest.approx(parse("aprilgrid:6x6:0.088m:26.4mm").inner)
-    assert len(parse(CHESSBOARD).corners()) == 54
-    first, last = parse(GRID).corners()[[0, -1], :2]  # tags are counted from the bottom left, as kalibr does
+    assert len(parse(CHESSBOARD).object_points()) == 54
+    first, last = parse(GRID).object_points()[[0, -1], :2]  # tags are counted from the bottom left, as kalibr does
     assert first[0] < last[0]
     assert first[1] > last[1]
     assert parse(CHESSBOARD).extent == pytest.approx((0.25, 0.175))
@@ -60,17 +61,17 @@ def test_a_slip_in_a_boards_name_is_told(name: str, line: str) -> None:
 @given(st.text(max_size=40) | st.from_regex(r"(chessboard|charuco|aprilgrid):[0-9x]{1,6}:[0-9A-Za-z._]{1,12}(:[0-9.mc]{1,8}){0,3}"))
 def test_any_name_is_a_board_or_a_fault(name: str) -> None:
     with contextlib.suppress(ValueError):
-        assert len(parse(name).corners()) >= 1
+        assert len(parse(name).object_points()) >= 1
 
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_a_printed_board_is_found_to_scale(name: str) -> None:
     board = parse(name)
-    seen = find(board, printed(name))
-    assert seen is not None
-    assert len(seen.numbers) == len(board.corners())
-    at = board.corners()[seen.numbers, :2] * 1e3 * PX_PER_MM
-    np.testing.assert_allclose(seen.points - seen.points[0], at - at[0], atol=0.02)
+    corners = find(board, printed(name))
+    assert corners is not None
+    assert len(corners.numbers) == len(board.object_points())
+    at = board.object_points()[corners.numbers, :2] * 1e3 * PX_PER_MM
+    np.testing.assert_allclose(corners.points - corners.points[0], at - at[0], atol=0.02)
 
 
 @pytest.mark.parametrize("name", [CHARUCO, GRID])
@@ -78,25 +79,25 @@ def test_a_printed_board_is_found_to_scale(name: str) -> None:
 def test_a_turned_and_partly_hidden_board_keeps_its_corners_numbers(name: str, turns: int) -> None:
     board, picture = parse(name), printed(name)
     picture[:, : picture.shape[1] * 2 // 5] = 255
-    seen = find(board, np.ascontiguousarray(np.rot90(picture, turns)))
-    assert seen is not None
-    assert 6 <= len(seen.numbers) < len(board.corners())
-    at = board.corners()[seen.numbers, :2] * 1e3 * PX_PER_MM
+    corners = find(board, np.ascontiguousarray(np.rot90(picture, turns)))
+    assert corners is not None
+    assert 6 <= len(corners.numbers) < len(board.object_points())
+    at = board.object_points()[corners.numbers, :2] * 1e3 * PX_PER_MM
     turn = np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turns)  # of points (x, y), y down, when rows are turned counter-clockwise
     turned = at @ turn
-    np.testing.assert_allclose(seen.points - seen.points[0], turned - turned[0], atol=0.05)
+    np.testing.assert_allclose(corners.points - corners.points[0], turned - turned[0], atol=0.05)
 
 
 @pytest.mark.parametrize("name", ["chessboard:6x5:25mm", "charuco:7x5:DICT_4X4_50:30mm:22mm", "aprilgrid:4x3:36mm:0.3"])
-def test_corners_of_a_tilted_board_lie_as_one_plane_is_seen(name: str) -> None:
+def test_corners_of_a_tilted_board_lie_as_one_plane_is_corners(name: str) -> None:
     board, rng = parse(name), np.random.default_rng(3)
     for _ in range(8):
         turn, middle = rng.uniform(-0.5, 0.5, 3).tolist(), (rng.uniform(-0.03, 0.03), rng.uniform(-0.02, 0.02), rng.uniform(0.26, 0.34))
-        seen = find(board, picture(board, turn, middle))
-        assert seen is not None
-        at = board.corners()[seen.numbers, :2]
-        plane, _ = cv2.findHomography(at, seen.points)
-        assert np.abs(cv2.perspectiveTransform(at[None], plane)[0] - seen.points).max() < 0.4
+        corners = find(board, picture(board, turn, middle))
+        assert corners is not None
+        at = board.object_points()[corners.numbers, :2]
+        plane, _ = cv2.findHomography(at, corners.points)
+        assert np.abs(cv2.perspectiveTransform(at[None], plane)[0] - corners.points).max() < 0.4
 
 
 def test_a_picture_without_a_board_has_none() -> None:
@@ -139,6 +140,6 @@ def test_the_charuco_photographs_are_recognised(shared: Path) -> None:
         ("charucoboard.jpg", CHARUCO, 24),
         ("screen_charuco.jpg", "charuco:6x8:DICT_4X4_50:30mm:22mm", 15),  # a screenshot with writing over it
     ):
-        seen = find(parse(board), np.asarray(cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE)))
-        assert seen is not None
-        assert len(seen.numbers) >= least
+        corners = find(parse(board), np.asarray(cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE)))
+        assert corners is not None
+        assert len(corners.numbers) >= least

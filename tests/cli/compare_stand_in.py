@@ -9,7 +9,8 @@ from rsvideo.config.method import Method
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.pipeline import methods
-from rsvideo.restoration.multi_frame import Movement
+from rsvideo.progress import Progress
+from rsvideo.restoration.movement import Movement
 
 
 def treated(asked, frame):
@@ -17,7 +18,7 @@ def treated(asked, frame):
         raise ValueError("no kernel was found")
     if asked.method is Method.STITCH:
         os.kill(os.getpid(), signal.SIGKILL)
-    timing = asked.timing
+    timing = asked.camera.timing
     way = Polynomial(t0=0.0, t1=timing.interval[1], coefficients=np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 0.0]]))
     return FrameResult(
         frame=frame,
@@ -33,7 +34,7 @@ def treated(asked, frame):
 def run(asked, frames, moving, observe):
     for frame in frames:
         yield treated(asked, frame)
-        observe(frame.index, 1.0)
+        observe(Progress(stage="restoring", fraction=1.0, frame=frame.index))
 
 
 def movement(asked, frames, begins, observe):

@@ -2,25 +2,25 @@
 
 import os
 import time
-from types import SimpleNamespace
 
 import numpy as np
 
 from rsvideo.cli import main
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.trajectory import still as at_rest
+from rsvideo.progress import Progress
 from rsvideo.restoration import single_frame
 
 
-def restore(frame, timing, intrinsics, settings, *, timing_source, trajectory, start, observe) -> FrameResult:
+def restore(view, settings, *, trajectory, start, observe, **_) -> FrameResult:
     """Nothing is restored, but everything around it is real."""
     print("working", flush=True)
-    observe(SimpleNamespace(stage="half way", fraction=0.5))
+    observe(Progress(stage="half way", fraction=0.5))
     time.sleep(float(os.environ.get("DAWDLE", "0")))
+    frame, timing = view.source, view.source_camera.timing
     return FrameResult(
         frame=frame,
         timing=timing,
-        timing_source=timing_source,
         trajectory=trajectory or start or at_rest(timing.interval, degree=settings.degree, axes=3),
         latent=np.clip(2 * frame.pixels, 0, 1),
         verdict=Verdict.RESTORED,

@@ -1,11 +1,12 @@
 import contextlib
+import hashlib
 import resource
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from rsvideo.config.files import UnreadableError, read_whole, write_whole
+from rsvideo.config.files import UnreadableError, read_whole, sha256, write_whole
 
 
 @contextlib.contextmanager
@@ -24,6 +25,12 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     assert read_whole(tmp_path / "a", most=10) == b"one"
     assert read_whole(tmp_path / "b", most=10) == b"two"
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_files_are_hashed_one_after_the_other_as_one(tmp_path: Path) -> None:
+    for name, data in (("a", b"one"), ("b", b"two"), ("c", b"onetwo")):
+        (tmp_path / name).write_bytes(data)
+    assert sha256(tmp_path / "a", tmp_path / "b") == sha256(tmp_path / "c") == hashlib.sha256(b"onetwo").hexdigest()
 
 
 def test_if_one_file_cannot_be_written_none_appears(tmp_path: Path) -> None:

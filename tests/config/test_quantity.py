@@ -1,10 +1,11 @@
 import math
+from fractions import Fraction
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsvideo.config.quantity import hand_held, pixels, seconds
+from rsvideo.config.quantity import frame_rate, hand_held, pixels, seconds
 
 
 @pytest.mark.parametrize("text", ["1/50", "20ms", "0.02", "20 ms", "20000us", "0.02s", " 1/50 s ", "2e-2", ".02", "20MS", "20000µs"])
@@ -58,3 +59,14 @@ def test_pixels_may_carry_their_unit(text: str) -> None:
 def test_lengths_that_are_not_positive_pixels_are_refused(text: str) -> None:
     with pytest.raises(ValueError, match="focal-px must be a positive number of pixels"):
         pixels("focal-px", text)
+
+
+@pytest.mark.parametrize(("text", "rate"), [("25", Fraction(25)), ("24000/1001", Fraction(24000, 1001)), ("0.01", Fraction(1, 100))])
+def test_rates_may_be_fractions(text: str, rate: Fraction) -> None:
+    assert frame_rate(text) == rate
+
+
+@pytest.mark.parametrize("text", ["fast", "", "0", "-25", "25/0", "0.001", "100001", "1" * 1000])
+def test_rates_that_no_camera_has_are_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="rate must be a number of frames a second such as 25 or 24000/1001, got"):
+        frame_rate(text)

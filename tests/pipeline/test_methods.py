@@ -10,10 +10,11 @@ import pytest
 from rsvideo.config.method import Method
 from rsvideo.config.request import Motion
 from rsvideo.frame import Verdict
+from rsvideo.physics.camera import Camera
 from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration.single_frame import Settings, ignore
+from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import Moving, planes
 
 FRAMES = 4
@@ -36,9 +37,8 @@ def treatment(method: Method, log: Path | None = None) -> Treatment:
         settings=settings,
         block_rows=None,
         gyro=gyro,
-        timing=clip.timing,
-        timing_source="explicit",
-        intrinsics=clip.camera,
+        camera=Camera(timing=clip.timing, intrinsics=clip.camera),
+        timing_source="EXIF",
     )
 
 
@@ -68,9 +68,10 @@ def gain(latent: np.ndarray, k: int) -> float:
 def test_each_method_gives_every_frame_back_in_order(method: Method, least: float, tmp_path: Path) -> None:
     asked = treatment(method, tmp_path / "motion.csv" if method.follows_gyro else None)
     begins, seen = moving().begins, []
-    ways = methods.movement(asked, iter(moving().recorded), begins, lambda _: None)
-    results = list(methods.run(asked, iter(moving().recorded), ways, lambda index, _: seen.append(index)))
+    ways = methods.movement(asked, iter(moving().recorded), begins)
+    results = list(methods.run(asked, iter(moving().recorded), ways, lambda at: seen.append(at.frame)))
     assert [r.frame.index for r in results] == list(range(FRAMES))
+    assert {r.timing_source for r in results} == {"EXIF"}
     assert set(seen) == set(range(FRAMES))
     for before, result in zip(moving().recorded, results, strict=True):
         assert result.latent.shape == before.pixels.shape
@@ -81,8 +82,8 @@ def test_each_method_gives_every_frame_back_in_order(method: Method, least: floa
 
 def test_a_photograph_follows_a_recorded_motion(tmp_path: Path) -> None:
     asked = treatment(Method.GYRO, tmp_path / "motion.csv")
-    result = methods.photograph(asked, moving().recorded[0], None, ignore)
-    assert result.verdict is Verdict.RESTORED
+    result = methods.photograph(asked, moving().recorded[0], None)
+    assert (result.verdict, result.timing_source) == (Verdict.RESTORED, "EXIF")
     assert gain(result.latent, 0) > 3
 
 

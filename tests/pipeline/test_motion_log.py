@@ -8,7 +8,7 @@ import pytest
 from rsvideo.config.sidecar import FrameRecord, Sampled, Timing
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import motion_log
-from rsvideo.restoration.multi_frame import joined
+from rsvideo.restoration.movement import joined
 from rsvideo.shooting import gcsv
 from tests.pipeline.moving import Moving
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from rsvideo.config.sidecar import Sidecar
-from rsvideo.report.comparison import Comparison, Crop, Entry, Look, Measured
+from rsvideo.report.comparison import Comparison, Crop, Entry, FrameMeasures, KeyFrame
 from tests.report.test_plots import sidecar
 
 ROWS, COLS, FRAMES = 300, 400, 3
@@ -23,7 +23,7 @@ def webp(value: int) -> bytes:
 def entry(name: str, values: Mapping[str, list[float]], **said) -> Entry:
     """An entry whose measures are given by frame."""
     frames = tuple(
-        Measured(index=k, time_s=k / 24, verdict="restored", seconds=1.0, values={key: v[k] for key, v in values.items()})
+        FrameMeasures(index=k, time_s=k / 24, verdict="restored", seconds=1.0, values={key: v[k] for key, v in values.items()})
         for k in range(FRAMES)
     )
     return Entry(**{"name": name, "role": "method", "frames": frames, "seconds": 3.0, "peak_bytes": 10**9, **said})
@@ -47,8 +47,8 @@ def comparison(**changed) -> Comparison:
         Entry(name="stitch", role="method", fault="<b>no</b> texture", seconds=1.0),
         entry("truth", {"edge_width": [2.0, 2.0, 2.0]}, role="truth"),
     )
-    looks = tuple(
-        Look(
+    key_frames = tuple(
+        KeyFrame(
             index=k,
             time_s=k / 24,
             pictures={name: webp(40 * n + 10 * k) for n, name in enumerate(("none", "rsvideo", "uniform", "truth"))},
@@ -66,8 +66,8 @@ def comparison(**changed) -> Comparison:
         cols=COLS,
         rate=24.0,
         entries=entries,
-        looks=looks,
-        key=1,
+        key_frames=key_frames,
+        first_shown=1,
         crops=(Crop(x=20, y=30, w=96, h=72, chosen=True), Crop(x=200, y=130, w=96, h=72, chosen=False)),
         timing="exposure 20 ms, readout 20 ms top-to-bottom (explicit)",
         truth="/clips/truth.mp4",

@@ -18,7 +18,7 @@ def test_ticks_enclose_what_is_drawn_and_are_round(low: float, high: float) -> N
 
 
 def test_a_gap_in_a_line_stays_a_gap() -> None:
-    series = charts.Series(name="a", style="c0", look=0, x=[0, 1, 2, 3], y=[1, math.nan, 3, 4])
+    series = charts.Series(name="a", style="c0", pattern=0, x=[0, 1, 2, 3], y=[1, math.nan, 3, 4])
     drawn = ElementTree.fromstring(charts.lines([series], x_label="frame", y_label="dB", width=400, height=200, title="<&>"))
     path = next(each for each in drawn.iter("path") if each.get("class") == "line c0")
     assert path.get("d", "").count("M") == 2

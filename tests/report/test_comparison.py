@@ -5,8 +5,10 @@ import math
 
 import pytest
 
-from rsvideo.report import comparison as values
-from rsvideo.report.comparison import as_csv, as_json, best, summary
+from rsvideo.report import numbers
+from rsvideo.report.comparison import best
+from rsvideo.report.numbers import as_csv, as_json
+from rsvideo.report.summary import summary
 from tests.report.comparisons import FRAMES, comparison, entry
 
 
@@ -69,9 +71,9 @@ def test_csv_and_json_hold_the_same_numbers() -> None:
 
 def test_several_comparisons_share_their_files() -> None:
     several = [comparison(), comparison(title="other.mp4")]
-    lines = list(csv.DictReader(io.StringIO(values.all_csv(several).decode())))
+    lines = list(csv.DictReader(io.StringIO(numbers.all_csv(several).decode())))
     assert [line["input"] for line in lines[:: 4 * FRAMES]] == ["clip.mp4", "other.mp4"]
-    assert len(json.loads(values.all_json(several))["inputs"]) == 2
+    assert len(json.loads(numbers.all_json(several))["inputs"]) == 2
 
 
 def test_frames_without_a_measure_do_not_count_in_its_mean() -> None:

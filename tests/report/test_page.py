@@ -45,13 +45,13 @@ def test_nothing_is_asked_of_a_network() -> None:
 def test_a_picture_stands_in_the_page_once() -> None:
     shown = comparison()
     html = page.render(shown)
-    for look in shown.looks:
-        for picture in look.pictures.values():
+    for frame in shown.key_frames:
+        for picture in frame.pictures.values():
             assert html.count(base64.b64encode(picture)) == 1
 
 
 def test_a_still_has_no_film_and_no_video() -> None:
-    only = comparison(kind="still", looks=comparison().looks[:1], key=0)
+    only = comparison(kind="still", key_frames=comparison().key_frames[:1], first_shown=0)
     html = page.render(only).decode()
     assert 'type="radio"' not in html
     assert "<video" not in html

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsvideo.physics.camera import turned
+from rsvideo.physics.camera import Camera, turned
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.restoration.camera_path import follow, unexplained, windows, within
 from rsvideo.restoration.tracks import Tracks
 from tests.restoration.swaying import BEGINS, CAMERA, END, TIMING, spline, sway
+
+TAKEN = Camera(timing=TIMING, intrinsics=CAMERA)
 
 
 def sights(path: Trajectory, begin: float, points: np.ndarray, timing: ShutterTiming) -> np.ndarray:
@@ -44,7 +46,7 @@ def apart(found: Trajectory, true: Trajectory) -> float:
 @pytest.mark.parametrize("axes", [2, 3])
 def test_exact_tracks_give_back_the_path(axes: int) -> None:
     true = sway(axes)
-    found = follow(exact(true), BEGINS, TIMING, CAMERA, axes).spline
+    found = follow(exact(true), BEGINS, TAKEN, axes).spline
     assert apart(found, true) < (0.05 if axes == 2 else 0.3)
     assert apart(found, true.with_coefficients(-true.coefficients)) > 10
 
@@ -53,7 +55,7 @@ def test_a_camera_that_moves_right_moves_the_image_left() -> None:
     t = np.linspace(0, END, 50)
     tracks = exact(spline(t, np.outer(t, [100.0, 0.0]), 8))
     assert all((pair.after[:, 0] < pair.before[:, 0] - 3).all() for pair in tracks)
-    found = follow(tracks, BEGINS, TIMING, CAMERA, 2).spline
+    found = follow(tracks, BEGINS, TAKEN, 2).spline
     speed = np.diff(found.at(BEGINS + TIMING.middle), axis=0) * 24
     np.testing.assert_allclose(speed, [[100.0, 0.0]] * 7, atol=2)
 
@@ -61,10 +63,10 @@ def test_a_camera_that_moves_right_moves_the_image_left() -> None:
 def test_rows_observed_at_another_time_give_a_worse_path() -> None:
     true = sway(2)
     tracks = exact(true)
-    right = apart(follow(tracks, BEGINS, TIMING, CAMERA, 2).spline, true)
+    right = apart(follow(tracks, BEGINS, TAKEN, 2).spline, true)
     for wrong in (replace(TIMING, row_time=0.0), replace(TIMING, row_time=0.5 * TIMING.row_time)):
         spread = replace(wrong, exposure=TIMING.interval[1] - wrong.readout)  # the same interval
-        assert apart(follow(tracks, BEGINS, spread, CAMERA, 2).spline, true) > 20 * right
+        assert apart(follow(tracks, BEGINS, replace(TAKEN, timing=spread), 2).spline, true) > 20 * right
 
 
 def test_two_views_of_one_moment_read_in_opposite_ways_tell_the_path_within_it() -> None:
@@ -81,9 +83,9 @@ def test_two_views_of_one_moment_read_in_opposite_ways_tell_the_path_within_it()
         difference = found.at(t) - true.at(t)
         return float(np.abs(difference - difference.mean(axis=0)).max())
 
-    found = follow([pair], np.zeros(2), TIMING, CAMERA, 2, backwards=(1,)).spline
+    found = follow([pair], np.zeros(2), TAKEN, 2, backwards=(1,)).spline
     assert off(found) < 0.2
-    assert off(follow([pair], np.zeros(2), TIMING, CAMERA, 2).spline) > 0.5
+    assert off(follow([pair], np.zeros(2), TAKEN, 2).spline) > 0.5
 
 
 def test_a_few_points_that_lie_do_not_bend_the_path() -> None:
@@ -92,7 +94,7 @@ def test_a_few_points_that_lie_do_not_bend_the_path() -> None:
     rng = np.random.default_rng(0)
     liars = [t.after + np.where(rng.random((len(t.after), 1)) < 0.1, rng.uniform(-6, 6, t.after.shape), 0) for t in tracks]
     lied = [Tracks(before=t.before, after=after) for t, after in zip(tracks, liars, strict=True)]
-    assert apart(follow(lied, BEGINS, TIMING, CAMERA, 3).spline, true) < 0.7
+    assert apart(follow(lied, BEGINS, TAKEN, 3).spline, true) < 0.7
 
 
 def test_windows_give_the_polynomial_nearest_to_the_path() -> None:
@@ -121,7 +123,7 @@ def test_a_point_that_moves_by_itself_leaves_that_motion_and_the_others_nothing(
     for k, (first, second) in enumerate(zip(still, walked, strict=True)):
         opens = np.interp([first.before[walker, 1], first.after[walker, 1]], lines, TIMING.row_start())
         second.after[walker] += speed * (BEGINS[k + 1] - BEGINS[k] + opens[1] - opens[0])
-    for moved, elapsed in unexplained(path, walked, BEGINS, TIMING, CAMERA):
+    for moved, elapsed in unexplained(path, walked, BEGINS, TAKEN):
         others = np.delete(moved, walker, axis=0)
         assert np.abs(others).max() < 0.12  # of the linear model, over steps of up to 15 px
         np.testing.assert_allclose(moved[walker], speed * elapsed[walker], atol=0.12)

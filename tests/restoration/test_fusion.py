@@ -5,10 +5,10 @@ import pytest
 import skimage.data
 
 from rsvideo.physics import simulate
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
-from rsvideo.restoration.fusion import Seen, fused
+from rsvideo.restoration.fusion import PosedImage, fused
 from rsvideo.restoration.nonblind import deblur, tiled
 
 ROWS, COLS = 96, 192
@@ -36,7 +36,14 @@ def taken(coefficients, photograph, *, pose=(0.0, 0.0, 0.0)):
 
 
 def alone(case, coefficients):
-    frame = tiled(case.blurred, np.zeros(case.blurred.shape, bool), path(coefficients), CAMERA, TIMING, samples=24, tolerance=0.25)
+    frame = tiled(
+        case.blurred,
+        np.zeros(case.blurred.shape, bool),
+        path(coefficients),
+        Camera(timing=TIMING, intrinsics=CAMERA),
+        samples=24,
+        tolerance=0.25,
+    )
     *_, latent = deblur(frame, prior="denoiser", mu=5e-4, noise=0.004)
     return frame, np.clip(latent, 0, 1).astype(np.float32)
 
@@ -54,21 +61,21 @@ def long():
 def test_a_sharper_neighbour_that_looks_elsewhere_gives_detail_back(long):
     near = taken(SHORT, skimage.data.astronaut()[20:180, 60:310], pose=AWAY)
     frame, own = alone(long, LONG)
-    other = Seen(latent=alone(near, SHORT)[1], pose=AWAY + np.array([0.3, 0.2, 5e-4]), length=1.5)  # nearly
-    both = fused(frame, Seen(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA, 0.004)
+    other = PosedImage(latent=alone(near, SHORT)[1], pose=AWAY + np.array([0.3, 0.2, 5e-4]), length=1.5)  # nearly
+    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA, 0.004)
     assert psnr(both, long.truth) > psnr(own, long.truth) + 2
 
 
 def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
     frame, own = alone(long, LONG)
-    stranger = Seen(latent=np.ascontiguousarray(own[:, ::-1]), pose=np.zeros(3), length=1.5)
-    both = fused(frame, Seen(latent=own, pose=np.zeros(3), length=12.0), [stranger], CAMERA, 0.004)
+    stranger = PosedImage(latent=np.ascontiguousarray(own[:, ::-1]), pose=np.zeros(3), length=1.5)
+    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [stranger], CAMERA, 0.004)
     assert psnr(both, long.truth) > psnr(own, long.truth) - 0.5
 
 
 def test_without_neighbours_a_frame_stays_as_it_is(long):
     frame, own = alone(long, LONG)
-    assert fused(frame, Seen(latent=own, pose=np.zeros(3), length=12.0), [], CAMERA, 0.004) is own
+    assert fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [], CAMERA, 0.004) is own
 
 
 def test_the_blur_of_the_truth_is_the_frame(long):

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration.multi_frame import joined, movement
-from rsvideo.restoration.single_frame import Settings
+from rsvideo.restoration.clip_motion import movement
+from rsvideo.restoration.movement import joined
+from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
 from tests.restoration.swaying import BEGINS, END, TIMING, sway
 
@@ -19,6 +21,10 @@ def pieces(path: Trajectory, timing: ShutterTiming) -> tuple[list[tuple[np.ndarr
     middles = path.at(BEGINS + timing.middle)
     each = [(local, path.at(local + t) - middle) for t, middle in zip(BEGINS, middles, strict=True)]
     return each, np.vstack([np.diff(middles, axis=0), np.zeros((1, middles.shape[1]))])
+
+
+def taken_by(moving: Moving) -> Camera:
+    return Camera(timing=moving.timing, intrinsics=moving.camera)
 
 
 def test_pieces_of_a_path_join_to_the_path() -> None:
@@ -43,9 +49,9 @@ def test_pieces_that_disagree_fade_into_each_other() -> None:
 @pytest.mark.parametrize("direction", list(Direction))
 def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(direction: Direction) -> None:
     moving = Moving(frames=5, direction=direction, reach=9.0)
-    told: list[int] = []
-    found = movement(moving.recorded, moving.timing, moving.camera, Settings(), told.append)
-    assert told == [0, 1, 2, 3, 4]
+    seen: list[int | None] = []
+    found = movement(moving.recorded, taken_by(moving), Settings(), lambda at: seen.append(at.frame))
+    assert seen == [0, 1, 2, 3, 4]
     middles = moving.path.at(moving.begins + moving.timing.middle)
     np.testing.assert_allclose(found.steps[:-1, :2], np.diff(middles, axis=0)[:, :2], atol=0.6)
     np.testing.assert_array_equal(found.steps[-1], 0)
@@ -62,10 +68,10 @@ def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(directi
 def test_a_cut_ends_one_path_and_frames_without_a_neighbour_stand_alone() -> None:
     first, second = Moving(frames=3, reach=6.0), Moving(frames=3, reach=6.0, scene="coins")
     frames = first.recorded[:2] + [replace(f, time=(k + 2) / RATE, index=k + 2) for k, f in enumerate(second.recorded[:1])]
-    found = movement(frames, first.timing, first.camera, Settings(), lambda _: None)
+    found = movement(frames, taken_by(first), Settings())
     assert [way is None for way in found.within] == [False, False, True]
     np.testing.assert_array_equal(found.steps[1:], 0)
     assert np.abs(found.steps[0]).max() > 1
-    alone = movement(frames[2:], first.timing, first.camera, Settings(), lambda _: None)
+    alone = movement(frames[2:], taken_by(first), Settings())
     assert alone.within == [None]
     np.testing.assert_array_equal(alone.steps, np.zeros((1, 3)))

@@ -8,7 +8,7 @@ import skimage.data
 from scipy.ndimage import binary_dilation
 
 from rsvideo.physics import simulate, tiles
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation
@@ -44,7 +44,10 @@ def taken(coefficients, *, sigma=0.0, scene=None, gain=1.0):
 def restored(frame, coefficients, *, clipped=None, prior: Literal["tv", "denoiser"] = "denoiser", noise=1e-3, mu=7e-4):
     clipped = np.zeros(frame.shape, bool) if clipped is None else clipped
     *_, last = deblur(
-        tiled(frame, clipped, path(coefficients), CAMERA, TIMING, samples=24, tolerance=0.25), prior=prior, mu=mu, noise=noise
+        tiled(frame, clipped, path(coefficients), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25),
+        prior=prior,
+        mu=mu,
+        noise=noise,
     )
     return last
 

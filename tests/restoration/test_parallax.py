@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsvideo.restoration.parallax import Flow, Points, flows, together
+from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 
 ROWS, COLS, PERIOD = 120, 200, 1 / 24
 CLEAR = 0.08  # px, of tracking
@@ -51,7 +51,7 @@ def test_a_few_points_that_lie_do_not_bend_it() -> None:
 
 
 def test_no_field_where_points_follow_the_path_or_there_are_none() -> None:
-    nothing = together([])
+    nothing = concatenated([])
     assert len(nothing.at) == 0
     assert flows([sighted(k, moving=False) for k in range(3)], COLS) == [None] * 3
     assert flows([nothing], COLS) == [None]
@@ -84,6 +84,6 @@ def test_time_counts_not_frames() -> None:
 
 def test_points_of_the_frame_before_and_of_the_next_count_alike() -> None:
     first, second = sighted(0, count=100), sighted(1, count=60)
-    both = together([first, second])
+    both = concatenated([first, second])
     assert (len(both.at), len(both.moved), len(both.elapsed)) == (160, 160, 160)
     np.testing.assert_array_equal(both.at[100:], second.at)

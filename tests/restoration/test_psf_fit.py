@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rsvideo.physics.camera import Intrinsics, turned
+from rsvideo.physics.camera import Camera, Intrinsics, turned
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.restoration.psf_fit import Strip, fit, length, reach
@@ -55,7 +55,7 @@ def backwards(curve: Polynomial):
 
 def test_the_path_is_found_back_and_overlapping_exposures_tell_its_sense_of_time():
     true = path()
-    found = fit(strips(true), ROLLING, CAMERA, degree=3, stiffness=COARSE)
+    found = fit(strips(true), Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=COARSE)
     assert apart(found[0].trajectory, true) < 0.5
     assert apart(backwards(path()), true) > 5
     assert found[0].energy < 0.02
@@ -64,7 +64,7 @@ def test_the_path_is_found_back_and_overlapping_exposures_tell_its_sense_of_time
 
 
 def test_candidates_are_distinct_and_come_best_first():
-    found = fit(strips(path()), ROLLING, CAMERA, degree=3, stiffness=COARSE, keep=4)
+    found = fit(strips(path()), Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=COARSE, keep=4)
     assert [c.energy for c in found] == sorted(c.energy for c in found)
     assert len(found) > 1
     for i, c in enumerate(found):
@@ -74,8 +74,8 @@ def test_candidates_are_distinct_and_come_best_first():
 def test_a_global_shutter_does_not_tell_the_sense_of_time():
     true = path(GLOBAL)
     whole = [rendered(true, GLOBAL, 0, ROWS, (COLS - 1) / 2)]
-    forth = fit(whole, GLOBAL, CAMERA, degree=3, stiffness=1e-4, start=true)[0]
-    back = fit(whole, GLOBAL, CAMERA, degree=3, stiffness=1e-4, start=backwards(true))[0]
+    forth = fit(whole, Camera(timing=GLOBAL, intrinsics=CAMERA), degree=3, stiffness=1e-4, start=true)[0]
+    back = fit(whole, Camera(timing=GLOBAL, intrinsics=CAMERA), degree=3, stiffness=1e-4, start=backwards(true))[0]
     assert back.energy == pytest.approx(forth.energy, rel=1e-3)
     assert apart(forth.trajectory, true) < 0.5
     assert apart(back.trajectory, backwards(true)) < 0.5
@@ -85,7 +85,7 @@ def test_roll_is_told_from_the_left_and_right_halves():
     true = path(coefficients=np.hstack([SHIFT, [[0.0], [0.03], [-0.008], [0.0]]]))
     flat = path(coefficients=np.hstack([SHIFT, np.zeros((4, 1))]))
     halves = strips(true, middles=(79.5, 239.5))
-    found = fit(halves, ROLLING, CAMERA, degree=3, stiffness=1e-3, keep=1, start=flat)[0]
+    found = fit(halves, Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=1e-3, keep=1, start=flat)[0]
     np.testing.assert_allclose(found.trajectory.coefficients[1:, 2], [0.03, -0.008, 0.0], atol=0.004)
     assert found.energy < 0.05
 
@@ -96,7 +96,10 @@ def test_a_strip_whose_kernel_failed_is_ignored():
     bad = np.zeros((SIZE, SIZE), np.float32)
     bad[np.arange(12, 29), np.arange(28, 11, -1)] = 1 / 17  # as long as the others, and across them
     found = fit(
-        [*good[:2], Strip(first=64, last=136, middle=good[2].middle, kernel=bad), *good[3:]], ROLLING, CAMERA, degree=3, stiffness=COARSE
+        [*good[:2], Strip(first=64, last=136, middle=good[2].middle, kernel=bad), *good[3:]],
+        Camera(timing=ROLLING, intrinsics=CAMERA),
+        degree=3,
+        stiffness=COARSE,
     )
     assert apart(found[0].trajectory, true) < 0.5
 
@@ -107,17 +110,20 @@ def test_a_kernel_that_is_too_short_misleads_and_the_others_without_it_do_not():
     short = cv2.resize(good[0].kernel, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     short = np.pad(short, (SIZE - len(short)) // 2)
     first = replace(good[0], kernel=short / short.sum())
-    with_it, without = (fit([first, *good[1:]], ROLLING, CAMERA, degree=3, stiffness=2e-3, without=w)[0].trajectory for w in (None, 0))
+    with_it, without = (
+        fit([first, *good[1:]], Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=2e-3, without=w)[0].trajectory
+        for w in (None, 0)
+    )
     assert apart(without, true) < 0.6
     assert apart(with_it, true) > 2 * apart(without, true)
 
 
 def test_the_curvature_is_that_of_the_energy_and_grows_with_the_stiffness():
-    c = fit(strips(path()), ROLLING, CAMERA, degree=3, stiffness=COARSE)[0].curvature
+    c = fit(strips(path()), Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=COARSE)[0].curvature
     assert c.shape == (6, 6)
     np.testing.assert_allclose(c, c.T, rtol=1e-9)
     assert np.linalg.eigvalsh(c).min() > 0
-    stiffer = fit(strips(path()), ROLLING, CAMERA, degree=3, stiffness=10 * COARSE)[0].curvature
+    stiffer = fit(strips(path()), Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=10 * COARSE)[0].curvature
     assert np.trace(stiffer) > np.trace(c)
 
 

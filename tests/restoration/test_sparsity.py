@@ -5,10 +5,15 @@ import pytest
 import skimage.data
 
 from rsvideo.physics import simulate
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.noise import noise_level
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
-from rsvideo.restoration.sparsity import Prior, Scene, energy, halved, noise_level, objective, refine, sparsity, texture_weight, turned
+from rsvideo.restoration.energy import energy
+from rsvideo.restoration.refinement import Prior, refine
+from rsvideo.restoration.scene import Scene, halved
+from rsvideo.restoration.sparsity import objective, sparsity, texture_weight
+from rsvideo.restoration.verdict import across
 
 ROWS, COLS = 144, 200
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
@@ -28,7 +33,7 @@ def scene(coefficients) -> Scene:
     frame = simulate.blur(sharp[..., None], camera=CAMERA, timing=TIMING, trajectory=path(coefficients), samples=24)[..., 0]
     frame = (frame + NOISE * np.random.default_rng(0).standard_normal(frame.shape)).astype(np.float32)
     valid = np.ones_like(frame)
-    return Scene(frame=frame, valid=valid, timing=TIMING, intrinsics=CAMERA, samples=16, tiles=2, noise=NOISE)
+    return Scene(frame=frame, valid=valid, camera=Camera(timing=TIMING, intrinsics=CAMERA), samples=16, tiles=2, noise=NOISE)
 
 
 @pytest.fixture(scope="module")
@@ -122,8 +127,8 @@ def test_the_true_path_of_a_long_blur_is_the_sparsest_at_half_the_resolution_too
 def test_restored_across_its_blur_a_picture_is_less_sparse_than_along_it(shifted: Scene):
     along = path(SHIFT)
     t = np.linspace(*TIMING.interval, 9)
-    np.testing.assert_allclose((turned(along).at(t) * along.at(t)).sum(axis=1), 0, atol=1e-12)
-    assert objective(shifted, turned(along), shifted.ridge)[0] > objective(shifted, along, shifted.ridge)[0] + 0.05
+    np.testing.assert_allclose((across(along).at(t) * along.at(t)).sum(axis=1), 0, atol=1e-12)
+    assert objective(shifted, across(along), shifted.ridge)[0] > objective(shifted, along, shifted.ridge)[0] + 0.05
 
 
 def test_the_energy_of_the_paper_is_lower_at_the_truth_than_run_backwards_or_too_long(shifted: Scene):
@@ -136,7 +141,7 @@ def test_the_energy_of_the_paper_is_lower_at_the_truth_than_run_backwards_or_too
 def test_refinement_comes_nearer_to_the_truth_and_keeps_the_gauge(shifted: Scene):
     start = SHIFT * 1.15 + np.array([[0.7, -0.3], [0, 0], [0.3, -0.3], [0, 0]])
     faint = Prior(mean=start[1:], curvature=1e-3 * np.eye(6), weight=1.0)
-    found = refine(shifted, path(start), faint, ridge=3 * shifted.ridge, steps=6)
+    found = refine(shifted, path(start), faint, ridge=shifted.search_ridge, steps=6)
     before, after = (np.linalg.norm((c - SHIFT)[1:]) for c in (start, found.trajectory.coefficients))
     assert after < 0.5 * before
     np.testing.assert_array_equal(found.trajectory.coefficients[0], start[0])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image, ImageCms
+from PIL.JpegImagePlugin import JpegImageFile
 from PIL.TiffImagePlugin import IFDRational
 
 from rsvideo.config.files import UnreadableError
@@ -111,6 +112,12 @@ def test_jpeg_is_read_and_written_with_little_loss(tmp_path: Path, mode: str) ->
     difference = still.read(tmp_path / "y.jpg").codes.samples.astype(int) - photograph.codes.samples
     assert np.abs(difference).max() <= 4
     assert photograph.pixels.shape[2] == (1 if mode == "L" else 3)
+
+
+def test_jpeg_is_written_with_a_colour_for_each_pixel_and_with_what_travels_along() -> None:
+    written = JpegImageFile(io.BytesIO(Format.JPEG.module.encode(replace(codes_like("colour", 8), icc=ICC, exif=exif_record()))))
+    assert [(across, down) for _, across, down, _ in written.layer] == [(1, 1)] * 3
+    assert (written.info["icc_profile"], written.info["exif"].removeprefix(b"Exif\0\0")) == (ICC, exif_record())
 
 
 @pytest.mark.parametrize("source", WRITABLE)

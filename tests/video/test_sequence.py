@@ -16,8 +16,8 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.stills import exr
 from rsvideo.stills.ffmpeg import arrays
 from rsvideo.video.decode import pictures, probe
-from rsvideo.video.encode import Writer
-from rsvideo.video.encoding import Codec, Encoding
+from rsvideo.video.output_format import Codec, Encoding
+from rsvideo.video.writer import Writer
 from tests.video.clips import make, raw, scene
 
 RATE = Fraction(24000, 1001)

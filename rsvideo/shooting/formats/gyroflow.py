@@ -7,13 +7,12 @@ from pathlib import Path
 from rsvideo.config.files import read_whole
 from rsvideo.config.yaml import ConfigError, Positions, validated
 from rsvideo.physics.shutter import Direction
-from rsvideo.shooting.camera_profile import CameraProfile
+from rsvideo.shooting.camera_profile import CameraProfile, Pixels
 from rsvideo.shooting.formats.plain import (
     Coefficients,
     Finite,
     Foreign,
     Matrix,
-    Side,
     Text,
     coefficients_of,
     left_out,
@@ -50,8 +49,8 @@ class ReadoutName(enum.StrEnum):
 
 
 class _Size(Foreign):
-    w: Side
-    h: Side
+    w: Pixels
+    h: Pixels
 
 
 class _Camera(Foreign):

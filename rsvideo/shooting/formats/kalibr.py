@@ -6,8 +6,8 @@ from pydantic import Field
 
 from rsvideo.config.yaml import ConfigError, Positions, validated
 from rsvideo.physics.shutter import Direction
-from rsvideo.shooting.camera_profile import CameraProfile
-from rsvideo.shooting.formats.plain import Finite, Foreign, Side, coefficients_of, left_out, lens_of, made, shortened
+from rsvideo.shooting.camera_profile import CameraProfile, Pixels
+from rsvideo.shooting.formats.plain import Finite, Foreign, coefficients_of, left_out, lens_of, made, shortened
 
 FORM = "a camera chain of kalibr"
 _MODELS = {"radtan": "brown-conrady", "equidistant": "fisheye", "none": None}
@@ -19,7 +19,7 @@ class _Camera(Foreign):
     intrinsics: Annotated[list[Finite], Field(min_length=4, max_length=4)]  # fu, fv, pu, pv
     distortion_model: Literal["radtan", "equidistant", "none"]
     distortion_coeffs: Annotated[tuple[Finite, ...], Field(max_length=_COEFFICIENTS)] = ()
-    resolution: Annotated[list[Side], Field(min_length=2, max_length=2)]  # columns, rows
+    resolution: Annotated[list[Pixels], Field(min_length=2, max_length=2)]  # columns, rows
     line_delay: Finite | None = None  # seconds; negative where rows are read from the bottom up
 
 
@@ -65,7 +65,7 @@ def encode(profile: CameraProfile) -> tuple[bytes, tuple[str, ...]]:
         f"  distortion_coeffs: {shortened(coefficients_of(lens), _COEFFICIENTS, FORM)}",
         f"  resolution: [{mode.cols}, {mode.rows}]",
     ]
-    by_row = clock is not None and clock.direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
+    by_row = clock is not None and clock.direction.by_row
     if clock and by_row:
         sign = -1 if clock.direction is Direction.BOTTOM_TO_TOP else 1
         lines.append(f"  line_delay: {sign * clock.readout_s.value / mode.rows!r}")

@@ -10,7 +10,6 @@ from rsvideo.physics.shutter import Direction
 from rsvideo.shooting.camera_profile import COEFFICIENTS, CameraProfile, Lens
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Side = Annotated[int, Field(ge=1, le=100_000)]
 Row3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Matrix = Annotated[list[Row3], Field(min_length=3, max_length=3)]
 Coefficients = Annotated[tuple[Finite, ...], Field(max_length=14)]

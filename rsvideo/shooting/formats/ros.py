@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from rsvideo.config.yaml import ConfigError, Positions, validated
-from rsvideo.shooting.camera_profile import CameraProfile
-from rsvideo.shooting.formats.plain import Finite, Foreign, Side, Text, coefficients_of, left_out, lens_of, made, matrix_of
+from rsvideo.shooting.camera_profile import CameraProfile, Pixels
+from rsvideo.shooting.formats.plain import Finite, Foreign, Text, coefficients_of, left_out, lens_of, made, matrix_of
 
 FORM = "ROS's camera_info"
 _MODELS = {"plumb_bob": "brown-conrady", "rational_polynomial": "brown-conrady", "equidistant": "fisheye", "fisheye": "fisheye"}
@@ -19,8 +19,8 @@ class _Data(Foreign):
 
 
 class _CameraInfo(Foreign):
-    image_width: Side
-    image_height: Side
+    image_width: Pixels
+    image_height: Pixels
     camera_name: Text = ""
     camera_matrix: _Data
     distortion_model: Literal["plumb_bob", "rational_polynomial", "equidistant", "fisheye"]

@@ -1,0 +1,1 @@
+"""Calibration boards: named, printed and found in pictures."""

@@ -1,0 +1,1 @@
+"""How codes stand for light, from an exposure series."""

@@ -1,0 +1,140 @@
+"""How likely a row time is, given how rows moved: the camera's path is a Gaussian process.
+
+The path is Matern's with 5/2, twice differentiable, and a pan. How strong and how quick it is, and how noisy the tracks are, is chosen
+anew for every row time; the evidence of what is left is compared. A negative row time is a readout from the bottom up.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy.polynomial import legendre
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import minimize, minimize_scalar
+
+from calibration.timing.pair_motion import TERMS, RowMotion
+
+_CHUNK_PAIRS = 16  # pairs that are explained together
+_MOST_CHUNKS = 12  # more add time and little else
+_PAN_PX_PER_S = 2000.0  # the spread of the mean velocity
+_NUGGET = 1e-6  # px^2, that keeps covariances definite
+_BOUNDS = tuple(np.log([(0.05, 3000.0), (0.03, 1.5), (0.7, 100.0)]))  # strength in px, pace in s, noise of what its variance is thought
+_START = np.log([10.0, 0.1, 1.0])  # of the same
+_STEPS = 30  # of L-BFGS-B, for strength, pace and noise
+_RESOLVED, _TRIALS = 0.01, 14  # of the search's reach, to which a row time is found; and row times tried
+_QUADRATIC = 4.0  # fall of the log-likelihood over a step of both sides, up to which it is about quadratic
+_HALVINGS = 8  # of a step that costs more
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chunk:
+    """Pairs that follow each other, along one axis, as one Gaussian vector."""
+
+    axis: int
+    moved: Float[np.ndarray, " numbers"]
+    noise: Float[np.ndarray, "numbers numbers"]
+    terms: Float[np.ndarray, "pairs terms nodes"]  # from displacements at the nodes to coefficients
+    rows: Float[np.ndarray, "2 pairs nodes"]
+    begins: Float[np.ndarray, "2 pairs"]
+
+    def evidence(self, row_time: float, hyper: np.ndarray) -> tuple[float, np.ndarray]:
+        """The log-likelihood of a readout, and its slope in the logarithms of strength (px), pace (s) and noise (of variance)."""
+        strength, length, noise = np.exp(hyper)
+        at = self.begins[:, :, None] + row_time * self.rows
+        both = np.concatenate([at[1].ravel(), at[0].ravel()])
+        r = np.abs(both[:, None] - both) * (np.sqrt(5) / length)
+        decay = strength**2 * np.exp(-r)
+        path = self._displacement_covariance(decay * (1 + r + r * r / 3))
+        slower = self._displacement_covariance(decay * (r * r * (1 + r) / 3))  # its derivative in log length
+        pan = np.einsum("iap,ip->ia", self.terms, at[1] - at[0]).ravel()
+        covariance = path + noise * self.noise + _PAN_PX_PER_S**2 * np.outer(pan, pan) + _NUGGET * np.eye(len(pan))
+        factor = cho_factor(covariance, lower=True)
+        solved = cho_solve(factor, self.moved)
+        left = np.outer(solved, solved) - cho_solve(factor, np.eye(len(pan)))
+        slope = 0.5 * np.array([np.sum(left * part) for part in (2 * path, slower, noise * self.noise)])
+        return float(-0.5 * self.moved @ solved - np.log(np.diag(factor[0])).sum()), slope
+
+    def _displacement_covariance(self, kernel: np.ndarray) -> np.ndarray:
+        """The covariance of coefficients of displacements, from that of positions."""
+        n = len(kernel) // 2
+        pairs, terms, nodes = self.terms.shape
+        moved = (kernel[:n, :n] - kernel[:n, n:] - kernel[n:, :n] + kernel[n:, n:]).reshape(pairs, nodes, pairs, nodes)
+        half = np.einsum("iap,ipjq->iajq", self.terms, moved, optimize=True)
+        return np.einsum("iajq,jbq->iajb", half, self.terms, optimize=True).reshape(pairs * terms, pairs * terms)
+
+
+def chunked(motions: Sequence[RowMotion], rows: int) -> list[Chunk]:
+    """Pairs in groups that are explained together, along x and along y."""
+    count = max(1, round(len(motions) / _CHUNK_PAIRS))
+    found = []
+    for part in np.array_split(np.arange(len(motions)), count)[:_MOST_CHUNKS]:
+        chosen = [motions[k] for k in part]
+        for axis in (0, 1):
+            noise = np.zeros((len(chosen), TERMS, len(chosen), TERMS))
+            for k, one in enumerate(chosen):
+                noise[k, :, k] = one.covariance[axis]
+            found.append(
+                Chunk(
+                    axis=axis,
+                    moved=np.concatenate([one.moved[axis] for one in chosen]),
+                    noise=noise.reshape(len(chosen) * TERMS, -1),
+                    terms=np.stack([np.linalg.pinv(legendre.legvander(2 * one.rows[0] / rows, TERMS - 1)) for one in chosen]),
+                    rows=np.stack([one.rows for one in chosen], axis=1),
+                    begins=np.array([one.begins for one in chosen]).T,
+                )
+            )
+    return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathFit:
+    """The likeliest path and noise at one row time."""
+
+    row_time: float  # seconds, negative upwards
+    value: float  # log-likelihood
+    hyper: tuple[np.ndarray, np.ndarray]  # of x and of y
+
+
+def fit_path(chunks: Sequence[Chunk], row_time: float, others: Sequence[PathFit], *, warm: bool = False) -> PathFit:
+    """From where others ended, and from a usual start unless `warm`."""
+    values, hypers = [], []
+    for axis in (0, 1):
+        mine = [chunk for chunk in chunks if chunk.axis == axis]
+        if not mine:
+            hypers.append(others[0].hyper[axis])
+            continue
+
+        def cost(hyper: np.ndarray, mine: Sequence[Chunk] = mine) -> tuple[float, np.ndarray]:
+            parts = [chunk.evidence(row_time, hyper) for chunk in mine]
+            return -sum(part[0] for part in parts), -np.sum([part[1] for part in parts], axis=0)
+
+        starts = [other.hyper[axis] for other in others] + ([] if warm else [_START])
+        tried = [minimize(cost, start, jac=True, method="L-BFGS-B", bounds=_BOUNDS, options={"maxiter": _STEPS}) for start in starts]
+        best = min(tried, key=lambda one: one.fun)
+        values.append(-float(best.fun))
+        hypers.append(np.asarray(best.x))
+    return PathFit(row_time=row_time, value=sum(values), hyper=(hypers[0], hypers[1]))
+
+
+def likeliest(chunks: Sequence[Chunk], near: PathFit, reach: float) -> PathFit:
+    """The likeliest row time within `reach` of one, path and noise chosen for each."""
+    fits = [near]
+
+    def cost(at: float) -> float:
+        fits.append(fit_path(chunks, float(at), fits[:1], warm=True))
+        return -fits[-1].value
+
+    bounds = (near.row_time - reach, near.row_time + reach)
+    minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _RESOLVED * reach, "maxiter": _TRIALS})
+    return max(fits, key=lambda fit: fit.value)
+
+
+def curvature(chunks: Sequence[Chunk], at: PathFit, step: float) -> float:
+    """Minus the second derivative of the log-likelihood in the row time, over a step that costs about one."""
+    for _ in range(_HALVINGS):
+        sides = [fit_path(chunks, at.row_time + side * step, (at,), warm=True).value for side in (-1, 1)]
+        if (cost := 2 * at.value - sum(sides)) < _QUADRATIC:
+            return max(cost, 0.0) / step**2
+        step /= 2
+    return _QUADRATIC / (4 * step**2)

@@ -1,0 +1,126 @@
+"""Readout time from ordinary hand-held footage: the one that best explains how tracked points move at their own rows' times.
+
+A point observed in row y of frame k and in row y' of frame k + 1 has moved by p(t_k+1 + y' t_r) - p(t_k + y t_r). With a global shutter
+all rows of a pair of frames move alike; with a rolling one each row's displacement is the path's over a window of one frame's period,
+which begins later from row to row, so that how displacements change down a frame must go on in the next. A motion of constant velocity
+says nothing of t_r: it takes a hand's changes of pace.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from calibration.timing.cannot_tell import CannotTellError
+from calibration.timing.pair_motion import FEWEST_POINTS, Pair, summarise
+from calibration.timing.path_evidence import Chunk, PathFit, chunked, curvature, fit_path, likeliest
+from rsvideo.physics.shutter import Direction
+
+FEWEST_PAIRS = 8  # of frames
+_LONGEST = 1.05  # of a frame's period, up to which a readout is tried
+_AT_THE_END = 0.98  # of the longest one tried; a likeliest readout beyond is none
+_TRIED = 22  # readouts from the longest upwards to the longest downwards
+_REFINING, _REFINED = 6, 3  # the work after these, and until the likeliest is found, as multiples of that for one of them
+_RIVAL = 10.0  # log-likelihood by which any other readout must be worse
+_NEAR_STEPS, _NEAR_STD = 1.5, 4  # readouts nearer than so many steps or deviations are no others
+_MODEL = 0.03  # of the readout, what tracks of windows in blurred frames may be off by at best
+_VAGUE = 0.07  # of the readout; a larger deviation is no answer
+_VAGUE_GLOBAL = 0.02  # of a frame's period; the largest deviation with which a global shutter is recognised
+_GLOBAL = 3  # deviations, below which a readout is none
+_APART = 9.0  # mean square of deviations by which parts of a clip may disagree
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explained:
+    """The readout that explains a clip best."""
+
+    readout: float  # seconds
+    std: float
+    direction: Direction | None  # None: a global shutter, or none that can be distinguished from it
+    curvature: float  # of the cost (minus the log-likelihood) at its lowest, per s^2
+    over_global: float  # by how much a global shutter is less likely, in log-likelihood
+    pairs: int
+    readouts: Float[np.ndarray, " steps"]  # seconds, negative upwards: where the cost was computed
+    costs: Float[np.ndarray, " steps"]
+
+
+def explain(
+    pairs: Sequence[Pair],
+    *,
+    rows: int,
+    cols: int,
+    period: float,
+    downwards: tuple[Direction, Direction] = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP),
+    report: Callable[[float], object] = float,
+) -> Explained:
+    """The readout of a clip whose frames are `period` seconds apart; CannotTellError where its motion does not show it.
+
+    Rows and y count scanlines, in the first direction of `downwards`, and so do columns and x along them. `report` is given the fraction
+    of the work that is done.
+    """
+    motions = summarise(pairs, rows, cols)
+    if len(motions) < FEWEST_PAIRS:
+        raise CannotTellError(
+            f"only {len(motions)} pairs of frames have {FEWEST_POINTS} points that could be followed, {FEWEST_PAIRS} are needed;"
+            " film something with texture in the whole frame"
+        )
+    chunks = chunked(motions, rows)
+    grid = np.linspace(-_LONGEST, _LONGEST, _TRIED) * period
+    fits: list[PathFit] = []
+    for step, readout in enumerate(grid):
+        fits.append(fit_path(chunks, readout / rows, fits[-1:]))
+        report((step + 1) / (_TRIED + _REFINING))
+    spacing = float(grid[1] - grid[0])
+    best = likeliest(chunks, max(fits, key=lambda fit: fit.value), spacing / rows)
+    report((_TRIED + _REFINED) / (_TRIED + _REFINING))
+    readout = best.row_time * rows
+    of_readout, std = _uncertainty(chunks, best, rows, spacing)
+    distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
+    others = [fit.value for fit in fits if abs(fit.row_time * rows - readout) > distance]
+    is_global = abs(readout) < _GLOBAL * std
+    _refuse_vague(readout, std, period)
+    if best.value - max(others) < _RIVAL:
+        raise CannotTellError(f"readouts far from {1e3 * abs(readout):.3g} ms explain its motion nearly as well; film for longer")
+    if not is_global and std > _VAGUE * abs(readout):
+        given = f"{1e3 * abs(readout):.2g} ms give or take {1e3 * std:.2g} ms"
+        raise CannotTellError(f"its motion shows only that the readout is short, {given}")
+    report(1.0)
+    return Explained(
+        readout=abs(readout),
+        std=std,
+        direction=None if is_global else downwards[0 if readout > 0 else 1],
+        curvature=of_readout,
+        over_global=best.value - fit_path(chunks, 0.0, (best,)).value,
+        pairs=len(motions),
+        readouts=grid,
+        costs=np.array([best.value - fit.value for fit in fits]),
+    )
+
+
+def _refuse_vague(readout: float, std: float, period: float) -> None:
+    """CannotTellError where the deviation is too large for an answer, or the likeliest readout is the longest one tried."""
+    if std < max(_VAGUE * abs(readout), _VAGUE_GLOBAL * period) and abs(readout) <= _AT_THE_END * _LONGEST * period:
+        return
+    likeliest_readout = (
+        f"{1e3 * abs(readout):.3g} ms is likeliest, give or take {1e3 * std:.2g} ms" if std < period else "all readouts explain it alike"
+    )
+    advice = "move the camera by hand, without stabilisation, for some seconds before something with texture"
+    raise CannotTellError(f"its motion does not show it: {likeliest_readout}; {advice}")
+
+
+def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float]:
+    """The curvature of the cost in the readout, and its standard deviation, larger where parts of the clip disagree."""
+    step = spacing / rows / 4
+    total = curvature(chunks, fit, step)
+    misfits = []
+    for chunk in chunks:
+        own = likeliest([chunk], fit_path([chunk], fit.row_time, (fit,), warm=True), 2 * spacing / rows)
+        misfits.append((own.row_time - fit.row_time) ** 2 * curvature([chunk], own, step))
+    factor = max(1.0, sum(misfits) / max(len(misfits) - 1, 1))
+    if factor > _APART:
+        raise CannotTellError(
+            f"parts of the clip disagree by {np.sqrt(factor):.1f} deviations; is it stabilised, or does much of the scene move?"
+        )
+    std = np.inf if total <= 0 else rows * np.sqrt(factor / total)
+    return total / rows**2, float(np.hypot(std, _MODEL * max(abs(fit.row_time) * rows, spacing)))

@@ -1,0 +1,11 @@
+"""The luminance of linear light."""
+
+import numpy as np
+from jaxtyping import Float
+
+BT709_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of red, green and blue; ITU-R BT.709-6, table 4, item 3.2
+
+
+def luminance(pixels: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
+    """The luminance of three channels by BT.709's weights; the mean of any other number of channels, so a grey picture's own."""
+    return pixels @ BT709_WEIGHTS if pixels.shape[2] == 3 else pixels.mean(axis=2)

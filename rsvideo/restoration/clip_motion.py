@@ -1,0 +1,157 @@
+"""One continuous path through a run of frames, from the points that move between them and from the blur within them.
+
+Points (restoration.camera_path) settle the slow part of the motion, and the direction of time, which blur shows badly; blur shows the
+fast part, within an exposure. The path is one spline C, and
+
+    sum_k f_k(C) + tau (C - C_0)^T H (C - C_0)
+
+is minimised over it, with f_k the sparsity of frame k's latent image (restoration.sparsity), and C_0, H the path that the tracks
+show and its precision. Everything here is along the scanlines, but for the `Movement` that is handed on.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.linalg import solve_triangular
+from scipy.optimize import minimize
+
+from rsvideo.frame import Frame
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.shutter import Direction
+from rsvideo.physics.trajectory import Spline
+from rsvideo.progress import Observer, Progress, ignore
+from rsvideo.restoration import sparsity
+from rsvideo.restoration.camera_path import CameraPath, exposure_length, follow, polynomial, unexplained, windows, within
+from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
+from rsvideo.restoration.refinement import SCALE
+from rsvideo.restoration.scanlines import to_scanlines
+from rsvideo.restoration.scene import Scene, scene_of, windowed
+from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.tracks import Tracks, codes, track
+
+TRUST = 2e-3  # tau; origin: by trial
+BLURRED = 6.0  # px an exposure, from which on blur adds to what tracks show
+STEPS = 6  # of L-BFGS; origin: by trial
+SPARE = 4  # evaluations beyond one a step, for line searches
+TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
+COLS = 480  # with most texture, from which a clip's blur is measured
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """Successive frames of one camera as estimation needs them, along their scanlines."""
+
+    begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens
+    scenes: list[Scene]  # narrowed to the columns that serve; none where blur is not needed
+    links: list[Tracks]  # between neighbours
+    camera: Camera  # along the scanlines
+    source_camera: Camera  # as the frames are stored
+    axes: int
+
+    @property
+    def direction(self) -> Direction:
+        """Of the readout over the stored frames."""
+        return self.source_camera.timing.direction
+
+    @property
+    def tied(self) -> list[bool]:
+        """Whether the next frame's points were followed."""
+        return [*(len(t.before) > 0 for t in self.links), False]
+
+    @property
+    def followed(self) -> Bool[np.ndarray, " frames"]:
+        """Whether points of a frame were followed at all, from the one before or to the next."""
+        tied = self.tied
+        return np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(tied))], bool)
+
+
+def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore) -> Movement:
+    """The motion of successive frames of one camera, in image axes; frames are not kept."""
+    run = gather(frames, camera, settings, observe)
+    if not run.followed.any():
+        return Movement.unfollowed(len(run.begins), run.axes)
+    path = refined_by_blur(run, path_from_tracks(run), run.followed)
+    return movement_of(run, path.spline, run.followed)
+
+
+def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
+    """Take frames in one by one. They are not kept, nor, without `blur`, what their blur is measured from."""
+    begins: list[float] = []
+    scenes: list[Scene] = []
+    links: list[Tracks] = []
+    before = None
+    for frame in frames:
+        scene = scene_of(to_scanlines(frame, camera), settings)
+        after = codes(scene.frame)
+        if before is not None:
+            links.append(track(before, after))
+        before = after
+        begins.append(frame.time)
+        if blur:
+            scenes.append(windowed(scene, COLS))
+        observe(Progress(stage="motion", fraction=0.0, frame=frame.index))
+    upright = camera.along_scanlines()
+    return Run(begins=np.array(begins), scenes=scenes, links=links, camera=upright, source_camera=camera, axes=settings.axes)
+
+
+def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
+    """The path that the points between the frames show; with a path that is given already, the one `about` it."""
+    return follow(run.links, run.begins, run.camera, run.axes, about=about)
+
+
+def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
+    """The path refined by the blur of those of the `frames` that are blurred."""
+    timing = run.camera.timing
+    blurred = [k for k in np.flatnonzero(frames) if exposure_length(path.spline, run.begins[k], timing) > BLURRED]
+    return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=STEPS) if blurred else path
+
+
+def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:
+    """Minimise the sum of the scenes' f and tau (C - C_0)^T H (C - C_0) by L-BFGS, in units of H's own spread."""
+    path, shape = start.spline, start.spline.coefficients.shape
+    root = np.linalg.cholesky(start.precision)
+    local = [windows(path, t, s.camera.timing) for s, t in zip(scenes, begins, strict=True)]
+
+    def at(z: np.ndarray) -> np.ndarray:
+        return path.coefficients + solve_triangular(root, z, trans=1, lower=True).reshape(shape)
+
+    def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
+        coefficients = at(z)
+        value, gradient = 0.0, np.zeros(shape)
+        for scene, m in zip(scenes, local, strict=True):
+            inside = m @ coefficients
+            inside[0] = 0  # a gauge
+            theta = polynomial(scene.camera.timing, shape[1]).with_coefficients(inside)
+            f, slope = sparsity.objective(scene, theta, scene.search_ridge)
+            slope[0] = 0
+            value += f
+            gradient += m.T @ slope
+        slope = solve_triangular(root, gradient.ravel(), lower=True)
+        return SCALE * (value + TRUST * float(z @ z)), SCALE * (slope + 2 * TRUST * z)
+
+    options = {"maxiter": steps, "maxfun": steps + SPARE, "ftol": TOLERANCE}
+    found = minimize(penalised, np.zeros(root.shape[0]), jac=True, method="L-BFGS-B", options=options)
+    return CameraPath(spline=path.with_coefficients(at(found.x)), precision=start.precision)
+
+
+def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> Movement:
+    """A path as the motion of those `frames` of a run that it holds for, in image axes."""
+    timing, axes = run.camera.timing, path.coefficients.shape[1]
+    inside = [within(path, float(t), timing) if k else None for t, k in zip(run.begins, frames, strict=True)]
+    middles = path.at(run.begins + timing.middle)
+    steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array(run.tied)[:, None]
+    return Movement(within=[*inside], steps=steps, tied=run.tied).in_image(run.direction)
+
+
+def flows_beside(run: Run, path: CameraPath) -> list[Flow | None]:
+    """What the points of each frame do beyond the path that the tracks show."""
+    points: list[list[Points]] = [[] for _ in run.begins]
+    beyond = unexplained(path.spline, run.links, run.begins, run.camera)
+    for k, (link, (moved, elapsed)) in enumerate(zip(run.links, beyond, strict=True)):
+        points[k].append(Points(at=link.before, moved=moved, elapsed=elapsed))
+        points[k + 1].append(Points(at=link.after, moved=moved, elapsed=elapsed))
+    lens = run.camera.intrinsics
+    return flows([concatenated(parts) for parts in points], max(lens.rows, lens.cols))

@@ -1,0 +1,68 @@
+"""How a camera moves through a run of frames: within each of them, and from each to the next."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.scanlines import path_along_scanlines, path_in_image
+
+SAMPLE = 1e-3  # s, of a path joined over all frames
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Movement:
+    """How the camera moved within each frame of a run, and from each to the next; in image axes wherever it is handed on."""
+
+    within: list[Trajectory | None]  # None where no point could be followed: such a frame stands alone
+    steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next
+    tied: list[bool]  # whether the next frame's points were followed; else its step is 0
+    flows: list[Flow | None] = field(default_factory=list)  # what points do beyond that, along the scanlines always; none by default
+
+    @classmethod
+    def unfollowed(cls, frames: int, axes: int) -> "Movement":
+        """That of frames of which none could be followed."""
+        return cls(within=[None] * frames, steps=np.zeros((frames, axes)), tied=[False] * frames)
+
+    def part(self, first: int, last: int) -> "Movement":
+        """That of frames first, ..., last - 1."""
+        return Movement(
+            within=self.within[first:last], steps=self.steps[first:last], tied=self.tied[first:last], flows=self.flows[first:last]
+        )
+
+    def along_scanlines(self, direction: Direction) -> "Movement":
+        """The same along the scanlines, for one in image axes."""
+        within = [path and path_along_scanlines(path, direction) for path in self.within]
+        return replace(self, within=within, steps=direction.poses_along_scanlines(self.steps))
+
+    def in_image(self, direction: Direction) -> "Movement":
+        """The same in image axes, for one along the scanlines."""
+        within = [path and path_in_image(path, direction) for path in self.within]
+        return replace(self, within=within, steps=direction.poses_in_image(self.steps))
+
+
+def joined(
+    begins: Float[np.ndarray, " frames"],
+    within: Sequence[tuple[Float[np.ndarray, " samples"], Float[np.ndarray, "samples axes"]]],
+    steps: Float[np.ndarray, "frames axes"],
+    timing: ShutterTiming,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n axes"]]:
+    """One path over all frames, from the motion within each and from each to the next: neighbours fade into each other."""
+    at = np.vstack([np.zeros((1, steps.shape[1])), np.cumsum(steps[:-1], axis=0)])
+    t = np.arange(begins[0], begins[-1] + timing.interval[1], SAMPLE)
+    ends = begins + timing.interval[1]
+    total, poses = np.zeros(len(t)), np.zeros((len(t), steps.shape[1]))
+    for k, (times, path) in enumerate(within):
+        # from where the frame before has ended, or this one begins, to where the next one begins, or this one ends; and across gaps
+        rise = sorted((ends[k - 1], begins[k])) if k else (t[0] - 1, t[0] - 0.5)
+        fall = sorted((ends[k], begins[k + 1])) if k + 1 < len(begins) else (t[-1] + 0.5, t[-1] + 1)
+        weight = np.interp(t, [rise[0], rise[1] + 1e-9, fall[0], fall[1] + 1e-9], [0, 1, 1, 0])
+        near = np.flatnonzero(weight)
+        total[near] += weight[near]
+        for a in range(steps.shape[1]):
+            poses[near, a] += weight[near] * (at[k, a] + np.interp(t[near] - begins[k], times, path[:, a]))
+    return t, poses / np.maximum(total, 1e-9)[:, None]

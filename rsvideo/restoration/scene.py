@@ -1,0 +1,134 @@
+"""What a trajectory is estimated from: a grey frame along its scanlines, normalised, with the camera that took it."""
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.luminance import luminance
+from rsvideo.physics.noise import noise_level
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.scanlines import COLOUR_NOISE, View
+from rsvideo.restoration.settings import Settings
+
+WINDOW_COLS = 800  # with most texture, from which the motion is estimated and on which it is judged
+WHITE = 99.5  # percentile of luminance that becomes 1; brighter pixels count as clipped; origin: by trial
+DARKEST_WHITE = 1e-3  # linear light; a darker frame is not stretched to white
+SAMPLES = 24  # path samples an exposure that suffice to estimate a path of up to as many px
+TILED_COLS = 96  # a narrower frame is one tile
+TILE_COLS = 120  # columns a tile, roughly: coarser than those of the final image, for the path is what counts; origin: by trial
+FEWEST_TILES, MOST_TILES = 2, 6
+RIDGE = 0.7  # rho of f over noise power / gradient power; the blurred frame keeps about a third of the latent gradients' power
+LEAST_RIDGE, MOST_RIDGE = 1.5e-3, 0.1  # of rho; origin: by trial
+SEARCH_RIDGE = 3.0  # times rho, while paths are searched and judged: origin: by trial
+TEXTURE = 8.0  # times the noise's power, which a frame's gradients must exceed to show motion; origin: by trial
+LEAST_TEXTURE = 1e-7  # and this, white being 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """A grey frame and the camera that took it, along its scanlines."""
+
+    frame: Float[np.ndarray, "rows cols"]  # linear light, normalised so that its bright parts are 1
+    valid: Float[np.ndarray, "rows cols"]  # 0 where clipped
+    camera: Camera
+    samples: int  # K, per exposure
+    tiles: int  # for three axes
+    noise: float  # standard deviation
+    scale: float = 1.0  # of the frame; paths stay in px of the frame before it was made smaller
+
+    def unit(self, axes: int) -> Float[np.ndarray, " axes"]:
+        """What a pose is multiplied with in this frame: (x, y) or (x, y, roll)."""
+        return np.array([self.scale, self.scale, 1])[:axes]
+
+    def scaled(self, trajectory: Trajectory) -> Trajectory:
+        """The path in px of this frame."""
+        return trajectory.with_coefficients(trajectory.coefficients * self.unit(trajectory.coefficients.shape[1]))
+
+    @property
+    def gradient_power(self) -> float:
+        """Mean square of the frame's gradients."""
+        return gradient_power(self.frame)
+
+    @property
+    def least_texture(self) -> float:
+        """The mean square of gradients below which a frame, or a part of it, shows no motion."""
+        return max(LEAST_TEXTURE, TEXTURE * self.noise**2)
+
+    @property
+    def textured(self) -> bool:
+        """Whether there are gradients above the noise to measure motion by."""
+        return self.gradient_power >= self.least_texture
+
+    @property
+    def ridge(self) -> float:
+        """rho: the noise's power over that of the latent gradients."""
+        return float(np.clip(RIDGE * self.noise**2 / max(self.gradient_power, 1e-12), LEAST_RIDGE, MOST_RIDGE))
+
+    @property
+    def search_ridge(self) -> float:
+        """rho while paths are searched and judged."""
+        return SEARCH_RIDGE * self.ridge
+
+
+def gradient_power(image: Float[np.ndarray, "rows cols"]) -> float:
+    """Mean square of the gradients."""
+    return float((np.diff(image, axis=1) ** 2).mean() + (np.diff(image, axis=0) ** 2).mean())
+
+
+def scene_of(view: View, settings: Settings) -> Scene:
+    """What the trajectory of a frame is estimated from."""
+    grey = luminance(view.pixels)
+    white = max(float(np.percentile(grey, WHITE)), DARKEST_WHITE)
+    normalised = np.minimum(grey / white, 1).astype(np.float32)
+    valid = ~(view.clipped.any(axis=2) | (grey >= white))
+    given = view.camera.noise  # of a channel; that of the luminance is smaller
+    return Scene(
+        frame=normalised,
+        valid=valid.astype(np.float32),
+        camera=view.camera,
+        samples=min(settings.samples, SAMPLES),
+        tiles=int(np.clip(round(grey.shape[1] / TILE_COLS), FEWEST_TILES, MOST_TILES)) if grey.shape[1] >= TILED_COLS else 1,
+        noise=noise_level(normalised) if given is None else given / (COLOUR_NOISE if view.pixels.shape[2] == 3 else 1.0) / white,
+    )
+
+
+def windowed(scene: Scene, cols: int | None = None) -> Scene:
+    """The `cols` columns with most texture, WINDOW_COLS by default, where the frame is wider than that."""
+    cols = WINDOW_COLS if cols is None else cols
+    if scene.frame.shape[1] <= cols:
+        return scene
+    power = np.abs(np.diff(scene.frame, axis=1)).sum(axis=0)
+    total = np.convolve(power, np.ones(cols - 1), "valid")
+    first = int(np.argmax(total))
+    part = slice(first, first + cols)
+    lens = scene.camera.intrinsics
+    return replace(
+        scene,
+        frame=np.ascontiguousarray(scene.frame[:, part]),
+        valid=np.ascontiguousarray(scene.valid[:, part]),
+        camera=replace(scene.camera, intrinsics=replace(lens, cx=lens.cx - first, cols=cols)),
+    )
+
+
+def halved(scene: Scene) -> Scene:
+    """The same at half the resolution."""
+    rows, cols = (n // 2 for n in scene.frame.shape)
+    frame, valid = (cv2.resize(a[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA) for a in (scene.frame, scene.valid))
+    timing, lens = scene.camera.timing, scene.camera.intrinsics
+    return Scene(
+        frame=frame,
+        valid=np.floor(valid),  # where one of four is clipped, the whole is
+        camera=replace(
+            scene.camera,
+            timing=replace(timing, row_time=2 * timing.row_time, rows=rows),
+            intrinsics=replace(lens, fx=lens.fx / 2, fy=lens.fy / 2, cx=lens.cx / 2 - 0.25, cy=lens.cy / 2 - 0.25, rows=rows, cols=cols),
+        ),
+        samples=math.ceil(scene.samples / 2),
+        tiles=max(1, round(scene.tiles / 2)),
+        noise=noise_level(frame) if scene.camera.noise is None else scene.noise / 2,  # the mean of four independent pixels
+        scale=scene.scale / 2,
+    )

@@ -1,0 +1,61 @@
+"""Whether restoring a frame along a path will help."""
+
+import numpy as np
+
+from rsvideo.frame import Verdict
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.energy import energy
+from rsvideo.restoration.scene import Scene, windowed
+from rsvideo.restoration.sparsity import objective
+
+# The limits were chosen on the cases in the README and 24 others made from the same photographs.
+TIMES = 65  # at which a path is followed over a frame's interval
+SAMPLES, LINES = 16, 32  # of an exposure, and roughly how many scanlines, at which a path's extent is measured
+SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
+FARTHEST = 0.5  # of the frame's shorter side, beyond which no hand's path leads within one frame
+COSTLIEST = 2.3  # times the frame's own energy, which rises 1.3 to 1.9 times along most true paths
+CHEAPER_ACROSS = 3.0  # times the energy along the path, which that across it must reach if the former is beyond COSTLIEST
+DENSER = 0.008  # how far f may rise over the frame's own; along true paths it mostly falls, but may rise by 0.04
+CONTRAST = 0.4  # of f's rise from along the path to across it, which f may rise further
+
+
+def judge(scene: Scene, path: Trajectory) -> Verdict:
+    """RESTORED, SHARP where the path is shorter than a pixel, or UNEXPLAINED.
+
+    Deblurring trades blur for contrast, so the energy of Eq. (8) rises over that of the frame taken as sharp. Where it rises more
+    than along true paths, the frame holds detail that no blur along the path can have left; a path is believed all the same if
+    the energy across it is much higher still. The latent image's edges are hardly ever less sparse than the frame's own, unless
+    restoring across the path makes them far less sparse; otherwise the strips' kernels described the picture and not its blur.
+    """
+    if beyond(scene, path):
+        return Verdict.UNEXPLAINED
+    part = windowed(scene)
+    rest = path.with_coefficients(0 * path.coefficients)
+    if longest(part.camera, path) < SHORTEST:
+        return Verdict.SHARP
+    cost, crosswise = energy(part, path), across(path)
+    if cost > COSTLIEST * energy(part, rest) and energy(part, crosswise) < CHEAPER_ACROSS * cost:
+        return Verdict.UNEXPLAINED
+    f, f_rest, f_across = (objective(part, p, part.search_ridge)[0] for p in (path, rest, crosswise))
+    return Verdict.UNEXPLAINED if f - f_rest > DENSER + CONTRAST * (f_across - f) else Verdict.RESTORED
+
+
+def beyond(scene: Scene, path: Trajectory) -> bool:
+    """Whether the path leads over more than half the frame: no hand's does, and kernels that show such a path describe the picture."""
+    poses = path.at(np.linspace(*scene.camera.timing.interval, TIMES))[:, :2]
+    return float(np.ptp(poses, axis=0).max()) > FARTHEST * min(scene.frame.shape)
+
+
+def longest(camera: Camera, path: Trajectory) -> float:
+    """The largest extent in px of any scanline's path."""
+    timing = camera.timing
+    poses = path.at(timing.sample_times(SAMPLES)[:: max(1, timing.rows // LINES)])[..., :2]
+    return float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
+
+
+def across(path: Trajectory) -> Trajectory:
+    """The same path turned by a right angle, with the same roll."""
+    coefficients = path.coefficients.copy()
+    coefficients[:, :2] = path.coefficients[:, 1::-1] * (-1, 1)
+    return path.with_coefficients(coefficients)

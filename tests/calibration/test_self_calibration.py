@@ -1,0 +1,102 @@
+"""The readout from points that were followed through hand-held footage."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from calibration.timing.cannot_tell import CannotTellError
+from calibration.timing.pair_motion import Pair
+from calibration.timing.self_calibration import Explained, explain
+from rsvideo.physics.shake import shake
+from rsvideo.physics.shutter import Direction
+
+ROWS, COLS, FPS, FOCAL = 360, 640, 30.0, 700.0
+MIDDLE = np.array([(COLS - 1) / 2, (ROWS - 1) / 2])
+
+
+def film(
+    readout: float, *, frames: int = 17, rms: float = 0.15, noise: float = 0.1, seed: int = 3, points: int = 200, pan: float = 0.0
+) -> list[Pair]:
+    """Points on a distant scene, each observed where its row is read; a negative readout runs upwards. `pan` is in px/s."""
+    rng = np.random.default_rng(seed)
+    angles = shake(rng, frames / FPS + 0.1, 2000.0, rms=max(rms, 1e-9))
+    path = CubicSpline(np.arange(len(angles)) / 2000, angles)
+
+    def observed(scene: np.ndarray, begins: float) -> np.ndarray:
+        t = np.full(len(scene), begins)
+        at = scene
+        for _ in range(8):  # a point's row and its time depend on each other
+            pitch, yaw, roll = path(t).T
+            at = scene + np.stack([-FOCAL * yaw + roll * scene[:, 1] + pan * t, FOCAL * pitch - roll * scene[:, 0]], axis=1)
+            t = begins + readout / ROWS * at[:, 1]
+        return at + MIDDLE + noise * rng.standard_normal(at.shape)
+
+    pairs = []
+    for k in range(frames - 1):
+        begins = (k / FPS + 0.04, (k + 1) / FPS + 0.04)
+        now = FOCAL * path(begins[0])
+        scene = rng.uniform(-1, 1, (points, 2)) * MIDDLE + np.array([now[1], -now[0]])
+        before, after = (observed(scene, at) for at in begins)
+        inside = ((np.minimum(before, after) > 5) & (np.maximum(before, after) < 2 * MIDDLE - 5)).all(axis=1)
+        pairs.append(Pair(before=before[inside], after=after[inside], begins=begins))
+    return pairs
+
+
+def found(pairs: list[Pair]) -> Explained:
+    """What is found in a clip."""
+    return explain(pairs, rows=ROWS, cols=COLS, period=1 / FPS)
+
+
+@pytest.mark.parametrize(
+    ("readout", "seed"), [pytest.param(0.012, 1, marks=pytest.mark.long), (0.022, 2), pytest.param(0.031, 5, marks=pytest.mark.long)]
+)
+def test_a_hands_motion_tells_the_readout(readout: float, seed: int) -> None:
+    explained = found(film(readout, seed=seed))
+    assert explained.readout == pytest.approx(readout, rel=0.05)
+    assert abs(explained.readout - readout) < 3 * explained.std
+    assert explained.direction is Direction.TOP_TO_BOTTOM
+    assert explained.curvature > 0
+    assert explained.over_global > 20
+
+
+def test_a_readout_upwards_is_told_from_one_downwards() -> None:
+    explained = found(film(-0.02))
+    assert explained.readout == pytest.approx(0.02, rel=0.05)
+    assert explained.direction is Direction.BOTTOM_TO_TOP
+
+
+def test_a_global_shutter_is_told_as_no_readout_and_no_direction() -> None:
+    explained = found(film(0.0))
+    assert explained.readout < 3 * explained.std < 0.002
+    assert explained.direction is None
+
+
+def test_the_cost_is_lowest_near_the_readout_and_told_for_all_that_was_tried() -> None:
+    explained = found(film(0.02))
+    assert abs(explained.readouts[np.argmin(explained.costs)] - 0.02) < 0.004
+    assert explained.readouts[0] < -1 / FPS < 1 / FPS < explained.readouts[-1]
+
+
+def test_a_steady_pan_says_nothing() -> None:
+    with pytest.raises(CannotTellError, match="its motion does not show it"):
+        found(film(0.02, rms=0.0, pan=60.0))
+
+
+def test_a_tripod_says_nothing() -> None:
+    with pytest.raises(CannotTellError, match="its motion does not show it"):
+        found(film(0.02, rms=0.0))
+
+
+def test_points_that_are_too_few_say_nothing() -> None:
+    with pytest.raises(CannotTellError, match="only 0 pairs of frames have 48 points"):
+        found(film(0.02, points=30))
+    with pytest.raises(CannotTellError, match="only 6 pairs of frames have 48 points"):
+        found(film(0.02, frames=7))
+
+
+@pytest.mark.long
+def test_a_moving_thing_in_a_part_of_the_picture_does_not_mislead() -> None:
+    pairs = film(0.02)
+    moved = [np.where(p.before[:, :1] > 570, p.after + np.array([6.0, 3.0]), p.after) for p in pairs]
+    explained = found([Pair(before=p.before, after=after, begins=p.begins) for p, after in zip(pairs, moved, strict=True)])
+    assert explained.readout == pytest.approx(0.02, rel=0.07)
