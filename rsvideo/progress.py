@@ -18,3 +18,12 @@ Observer = Callable[[Progress], None]
 
 def ignore(_: Progress) -> None:
     """Watch nothing."""
+
+
+def within(observe: Observer, begin: float, end: float, prefix: str = "") -> Observer:
+    """An observer of a part of the work, which goes from one fraction of the whole to another."""
+
+    def part(at: Progress) -> None:
+        observe(Progress(stage=prefix + at.stage, fraction=begin + (end - begin) * at.fraction, frame=at.frame))
+
+    return part

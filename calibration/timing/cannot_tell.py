@@ -9,6 +9,18 @@ class CannotTellError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class CannotTell:
-    """No readout, because the material does not show it."""
+    """No readout, because the material does not show it.
+
+    Examples:
+        A wall under a light that does not flicker, simulated:
+
+        >>> import tempfile, pathlib, cv2, calibration
+        >>> from rsvideo.physics.shutter import ShutterTiming
+        >>> file = pathlib.Path(tempfile.mkdtemp()) / "wall.png"
+        >>> timing = ShutterTiming.from_readout(exposure=2e-4, readout=0.020, rows=240)
+        >>> _ = cv2.imwrite(str(file), calibration.flicker.wall(timing, hertz=1000.0, depth=0.0))
+        >>> calibration.readout(file, flicker=1000.0)
+        CannotTell(reason='no bands stand out from the scene; film a plain wall, more closely lit, with a short exposure')
+    """
 
     reason: str  # and what would help

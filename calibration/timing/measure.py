@@ -43,8 +43,7 @@ def readout(
         from_frame_rate: Compute it from the frame rate of `source` and `scanlines_total`.
         scanlines_total: Visible and blanking lines of the sensor's mode; alone, it means `from_frame_rate`.
         frame_rate: Frames a second at which `source` was taken, where the files do not say it.
-        direction: `top-to-bottom`, `bottom-to-top`, `left-to-right` or `right-to-left` over the picture as stored, if that is given;
-            it also says whether scanlines are rows or columns.
+        direction: `top-to-bottom` or another over the picture as stored; it also says whether scanlines are rows or columns.
         frames: How many of the clip's first frames are used, 1 to 10 000.
         observer: Is given a `Progress` while frames are read.
 
@@ -67,40 +66,28 @@ def readout(
         >>> low, high = found.confidence
         >>> low < 0.020 < high, found.std < 2e-4
         (True, True)
-        >>> _ = cv2.imwrite(str(file), calibration.flicker.wall(timing, hertz=1000.0, depth=0.0))
-        >>> calibration.readout(file, flicker=1000.0).reason
-        'no bands stand out from the scene; film a plain wall, more closely lit, with a short exposure'
     """
-    request = _Request(
-        source=None if source is None else Path(source),
-        flicker=flicker,
-        from_clip=from_clip,
-        table=table,
-        from_frame_rate=from_frame_rate or scanlines_total is not None,
-        scanlines_total=scanlines_total,
-        rate=None if frame_rate is None else Fraction(frame_rate),
-        direction=None if direction is None else Direction(direction),
-        frames=frames,
-    )
+    stated = None if direction is None else Direction(direction)
+    request = _Request(source, flicker, from_clip, table, from_frame_rate, scanlines_total, frame_rate, stated, frames)
     try:
         found = _measured(request, observer)
     except CannotTellError as error:
         return CannotTell(reason=str(error))
-    notes = (*found.notes, *_direction_notes(found.direction, request.direction))
-    return replace(found, stated_direction=request.direction, notes=notes, files=found.files[:frames])
+    notes = (*found.notes, *_direction_notes(found.direction, stated))
+    return replace(found, stated_direction=stated, notes=notes, files=found.files[:frames])
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Request:
     """What `readout` was called with."""
 
-    source: Path | None
+    source: Path | str | None
     flicker: float | None  # Hz
     from_clip: bool
     table: tuple[str, str] | None
     from_frame_rate: bool
     scanlines_total: int | None
-    rate: Fraction | None  # frames a second
+    frame_rate: Fraction | float | None  # frames a second
     direction: Direction | None
     frames: int
 
@@ -109,7 +96,7 @@ class _Request:
             "flicker": self.flicker is not None,
             "from_clip": self.from_clip,
             "table": self.table is not None,
-            "scanlines_total": self.from_frame_rate,
+            "scanlines_total": self.from_frame_rate or self.scanlines_total is not None,
         }
         if sum(methods.values()) != 1:
             chosen = " and ".join(name for name, is_chosen in methods.items() if is_chosen) or "none"
@@ -127,7 +114,8 @@ def _measured(request: _Request, observer: Observer) -> ReadoutMeasurement:
     """The readout by the method that is chosen."""
     if request.table is not None:
         return from_table(*request.table)
-    path, rate, direction = request.source or Path(), request.rate, request.direction
+    path, direction = Path(request.source or ""), request.direction
+    rate = None if request.frame_rate is None else Fraction(request.frame_rate)
     if request.flicker is not None:
         return from_flicker(path, request.flicker, rate=rate, direction=direction, most=request.frames, observer=observer)
     if request.from_clip:

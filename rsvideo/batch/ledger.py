@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rsvideo.config.files import sha256
-from rsvideo.pipeline.chunk import Chunk
+from rsvideo.pipeline.pieces import Chunk
 
 _VERSION = 2
 _TABLES = """
@@ -28,11 +28,11 @@ class BusyError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """What the ledger knows of a clip."""
+    """What the ledger holds of a photograph or clip."""
 
     settings: str  # fingerprints
     source: str
-    chunks: tuple[Chunk, ...] | None  # where the clip is cut, once that is known
+    chunks: tuple[Chunk, ...] | None  # where the clip is cut, once that is found
     ending: bool  # the output was about to appear, or has
     result: dict[str, Any] | None  # once the output is complete
 
@@ -49,7 +49,7 @@ class Ledger:
         return self.folder / hashlib.sha256(output.encode("utf-8", "surrogateescape")).hexdigest()[:16]
 
     def entry(self, output: str) -> Entry | None:
-        """What is known of a clip."""
+        """What is kept of a source."""
         found = self._do("SELECT settings, source, chunks, ends, result FROM clip WHERE output = ?", _key(output))
         if not found:
             return None
@@ -72,7 +72,7 @@ class Ledger:
         return {number: record for number, record in found if _holds(self.place(output), json.loads(record))}
 
     def begin(self, output: str, settings: str, source: str) -> None:
-        """Forget what is known of a clip, and begin anew."""
+        """Forget what is kept of a source, and begin anew."""
         shutil.rmtree(self.place(output), ignore_errors=True)
         self._do("DELETE FROM chunk WHERE output = ?", _key(output))
         self._do(
@@ -140,9 +140,9 @@ def opened(folder: Path, *, fresh: bool = False) -> Iterator[tuple[Ledger, tuple
         database = _locked(_file(folder), fresh=True)
     with contextlib.closing(database):
         ledger = Ledger(folder=folder, database=database)
-        known = {ledger.place(output.decode("utf-8", "surrogateescape")) for (output,) in database.execute("SELECT output FROM clip")}
+        ours = {ledger.place(output.decode("utf-8", "surrogateescape")) for (output,) in database.execute("SELECT output FROM clip")}
         for left in [each for each in folder.iterdir() if each.is_dir()]:  # by a run that was ended, perhaps while it worked
-            for unfinished in left.glob("run-*") if left in known else [left]:
+            for unfinished in left.glob("run-*") if left in ours else [left]:
                 shutil.rmtree(unfinished, ignore_errors=True)
         try:
             yield ledger, notes

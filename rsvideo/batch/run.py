@@ -10,9 +10,10 @@ from typing import Literal
 
 from rsvideo.batch.ledger import Ledger
 from rsvideo.batch.plan import Planned, Unreadable
-from rsvideo.batch.workers import Crew, Cut, Failed, Finish, Finished, Heard, Order, Restore
+from rsvideo.batch.workers import Crew, Cut, Failed, Finish, Order, Restore
 from rsvideo.pipeline import fingerprint
-from rsvideo.pipeline.chunk import Chunk
+from rsvideo.pipeline.pieces import Chunk, Outcome
+from rsvideo.progress import Progress
 
 Kind = Literal["resumed", "stage", "frame", "chunk", "retry", "finished", "failed"]
 _TRIES = 2  # of an order whose worker dies
@@ -57,14 +58,14 @@ class _Clip:
 
     @property
     def name(self) -> str:
-        return self.plan.job.output.name
+        return self.plan.request.output.name
 
     @property
     def done(self) -> float:
         """Frames, for the bar."""
         if self.result is not None:
             return self.plan.frames
-        kept = sum(chunk.last - chunk.first + 1 for chunk in self.chunks if chunk.index in self.records)
+        kept = sum(chunk.frames for chunk in self.chunks if chunk.index in self.records)
         return min(self.plan.frames, kept + sum(self.under_way.values()))
 
 
@@ -87,8 +88,8 @@ class _Run:
         self, clips: list[_Clip], ledger: Ledger, crew: Crew, observe: Callable[[Event], None], clock: Callable[[], float]
     ) -> None:
         self.clips, self.ledger, self.crew, self.observe, self.clock = clips, ledger, crew, observe, clock
-        self.by_output = {clip.plan.job.output: clip for clip in clips}
-        self.numbers = {clip.plan.job.output: number for number, clip in enumerate(clips)}
+        self.by_output = {clip.plan.request.output: clip for clip in clips}
+        self.numbers = {clip.plan.request.output: number for number, clip in enumerate(clips)}
         self.queue: list[Order] = []
         self.tries: dict[tuple[str, str], int] = {}
         self.started, self.already = clock(), 0.0  # frames that were done before this run
@@ -103,81 +104,91 @@ class _Run:
                 order = min(self.queue, key=self.rank)
                 self.queue.remove(order)
                 self.crew.give(order)
-                if stage := {Cut: "looking for cuts", Finish: "encoding"}.get(type(order)):
-                    self.tell("stage", self.by_output[order.job.output], stage)
-            for order, said in self.crew.heard():
-                self.take(self.by_output[order.job.output], order, said)
+                if order.request.is_clip and (stage := {Cut: "looking for cuts", Finish: "encoding"}.get(type(order))):
+                    self.tell("stage", self.by_output[order.request.output], stage)
+            for order, answer in self.crew.answers():
+                self.take(self.by_output[order.request.output], order, answer)
         return [clip.result for clip in self.clips if clip.result is not None]
 
     def rank(self, order: Order) -> tuple[int, int, int]:
         """What is done first: what frees the disk, then clip by clip, chunk by chunk."""
-        return not isinstance(order, Finish), self.numbers[order.job.output], order.chunk.index if isinstance(order, Restore) else -1
+        return not isinstance(order, Finish), self.numbers[order.request.output], order.chunk.index if isinstance(order, Restore) else -1
 
     def take_up(self, clip: _Clip) -> None:
         """Go on where an earlier run ended, as far as what it left can be trusted."""
-        known = self.ledger.entry(clip.name)
-        if known is not None and (known.settings, known.source) != (clip.plan.settings, clip.plan.source):
-            other = "its source has" if known.source != clip.plan.source else "its settings have"
+        entry = self.ledger.entry(clip.name)
+        if entry is not None and (entry.settings, entry.source) != (clip.plan.settings, clip.plan.source):
+            other = "its source has" if entry.source != clip.plan.source else "its settings have"
             self.tell("resumed", clip, f"{other} changed; it is done anew")
-            known = None
-        if known is None:
+            entry = None
+        if entry is None:
             self.ledger.begin(clip.name, clip.plan.settings, clip.plan.source)
-        elif known.result is not None:
-            if known.result["stamp"] == _stamp(clip.plan.job.output) and clip.plan.record.is_file():
-                clip.result = Result(**{**known.result["result"], "notes": tuple(known.result["result"]["notes"])})
+        elif entry.result is not None:
+            if entry.result["stamp"] == _stamp(clip.plan.request.output) and clip.plan.request.record.is_file():
+                clip.result = Result(**{**entry.result["result"], "notes": tuple(entry.result["result"]["notes"])})
                 self.tell("resumed", clip, "is done already")
                 return
             self.tell("resumed", clip, "its result is missing or was changed; it is done anew")
             self.ledger.begin(clip.name, clip.plan.settings, clip.plan.source)
-        elif known.chunks is not None:
-            self.lay_out(clip, known.chunks)
+        elif entry.chunks is not None:
+            self.lay_out(clip, entry.chunks)
             self.tell("resumed", clip, f"{len(clip.records)} of {len(clip.chunks)} chunks are done already")
             return
-        self.queue.append(Cut(job=clip.plan.job))
+        self.queue.append(Cut(request=clip.plan.request))
 
     def lay_out(self, clip: _Clip, chunks: tuple[Chunk, ...]) -> None:
         records = self.ledger.records(clip.name)
         clip.chunks = chunks
         clip.records = {chunk.index: records[chunk.index] for chunk in chunks if chunk.index in records}
         folder = self.ledger.place(clip.name) / self.made_in
-        self.queue.extend(Restore(job=clip.plan.job, chunk=chunk, folder=folder) for chunk in chunks if chunk.index not in clip.records)
+        self.queue.extend(
+            Restore(request=clip.plan.request, chunk=chunk, folder=folder) for chunk in chunks if chunk.index not in clip.records
+        )
         self.finish_if_complete(clip)
 
     def finish_if_complete(self, clip: _Clip) -> None:
         if len(clip.records) < len(clip.chunks):
             return
-        job = clip.plan.job
-        if not job.overwrite and job.output.exists():
-            self.fail(clip, Failed(words=f"{job.output} has appeared meanwhile; give --overwrite to replace it"))
+        request = clip.plan.request
+        if not request.overwrite and request.output.exists():
+            self.fail(clip, Failed(words=f"{request.output} has appeared meanwhile; give --overwrite to replace it"))
             return
-        if _source(job.source) != clip.plan.source:
-            self.fail(clip, Failed(words=f"{job.source} changed while it was read", unreadable=True))
+        if _source(request.source) != clip.plan.source:
+            self.fail(clip, Failed(words=f"{request.source} changed while it was read", unreadable=True))
             return
         self.ledger.ending(clip.name)
         records = tuple(clip.records[chunk.index] for chunk in clip.chunks)
-        self.queue.append(Finish(job=clip.plan.job, records=records, folder=self.ledger.place(clip.name)))
+        self.queue.append(Finish(request=clip.plan.request, records=records, folder=self.ledger.place(clip.name)))
 
-    def take(self, clip: _Clip, order: Order, said: object) -> None:
-        match order, said:
+    def take(self, clip: _Clip, order: Order, answer: object) -> None:
+        match order, answer:
             case _, Failed():
-                self.retry_or_fail(clip, order, said)
-            case Restore(), Heard():
-                clip.under_way[order.chunk.index] = max(0.0, said.frame - order.chunk.first + said.fraction)  # 0 while it warms up
-                self.tell("frame", clip, said.stage, frame=said.frame)
+                self.retry_or_fail(clip, order, answer)
+            case Restore(), Progress():
+                clip.under_way[order.chunk.index] = order.chunk.done(answer)
+                self.tell("frame", clip, answer.stage, frame=answer.frame)
             case Cut(), tuple():
                 if clip.result is None:
-                    self.ledger.cut(clip.name, said)
-                    self.lay_out(clip, said)
+                    self.ledger.cut(clip.name, answer)
+                    self.lay_out(clip, answer)
             case Restore(), str():
-                self.ledger.keep(clip.name, order.chunk.index, said, order.folder)
+                self.ledger.keep(clip.name, order.chunk.index, answer, order.folder)
                 clip.under_way.pop(order.chunk.index, None)
-                clip.records[order.chunk.index] = said
+                clip.records[order.chunk.index] = answer
                 self.tell("chunk", clip)
                 if clip.result is None:
                     self.finish_if_complete(clip)
-            case Finish(), Finished():
-                clip.result = Result(source=str(clip.plan.job.source), output=str(clip.plan.job.output), **asdict(said))
-                self.ledger.done(clip.name, {"result": asdict(clip.result), "stamp": _stamp(clip.plan.job.output)})
+            case Finish(), Outcome():
+                clip.result = Result(
+                    source=str(clip.plan.request.source),
+                    output=str(clip.plan.request.output),
+                    restored=answer.restored,
+                    left=answer.left,
+                    failed=answer.failed,
+                    seconds=answer.seconds,
+                    notes=tuple(answer.notes),
+                )
+                self.ledger.done(clip.name, {"result": asdict(clip.result), "stamp": _stamp(clip.plan.request.output)})
                 self.tell("finished", clip)
 
     def retry_or_fail(self, clip: _Clip, order: Order, failed: Failed) -> None:
@@ -194,8 +205,8 @@ class _Run:
     def fail(self, clip: _Clip, failed: Failed) -> None:
         if clip.result is not None:
             return
-        self.queue = [order for order in self.queue if order.job.output != clip.plan.job.output]
-        source, output = str(clip.plan.job.source), str(clip.plan.job.output)
+        self.queue = [order for order in self.queue if order.request.output != clip.plan.request.output]
+        source, output = str(clip.plan.request.source), str(clip.plan.request.output)
         clip.result = Result(source=source, output=output, fault=failed.words, unreadable=failed.unreadable)
         self.tell("failed", clip, failed.words)
 
@@ -205,7 +216,7 @@ class _Run:
         if event != "resumed" and done > self.already:
             left = (frames - done) * (self.clock() - self.started) / (done - self.already)
         fraction = clip.done / max(1, clip.plan.frames)
-        output = str(clip.plan.job.output)
+        output = str(clip.plan.request.output)
         self.observe(
             Event(event=event, output=output, words=words, frame=frame, fraction=fraction, done=done, frames=frames, seconds_left=left)
         )

@@ -3,67 +3,49 @@
 import contextlib
 import errno
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.pipeline import chunk, clip, clip_job, processes
-from rsvideo.pipeline.chunk import Chunk, ChunkRecord
-from rsvideo.pipeline.clip_job import ClipJob, ClipTask
+from rsvideo.config.request import Request
+from rsvideo.pipeline import deblur, processes
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome
+from rsvideo.pipeline.prepare import Task, prepare
+from rsvideo.progress import Observer, Progress
 
-_EVERY = 0.1  # seconds between two words about one frame
+_EVERY = 0.1  # seconds between two reports on one frame
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # no other clip would fare better
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """Find where a clip is cut into chunks."""
+    """Find where a source is cut into chunks."""
 
-    job: ClipJob
+    request: Request
 
 
 @dataclass(frozen=True, kw_only=True)
 class Restore:
     """Restore one chunk into a folder."""
 
-    job: ClipJob
+    request: Request
     chunk: Chunk
     folder: Path
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finish:
-    """Encode a clip from its chunks, whose records are given as JSON."""
+    """Write the result from its chunks, whose records are given as JSON."""
 
-    job: ClipJob
+    request: Request
     records: tuple[str, ...]
     folder: Path
 
 
 Order = Cut | Restore | Finish
-
-
-@dataclass(frozen=True, kw_only=True)
-class Finished:
-    """What became of a clip's frames."""
-
-    restored: int
-    left: int
-    failed: int
-    seconds: float
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Heard:
-    """An order's frame is at this stage."""
-
-    frame: int
-    stage: str
-    fraction: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +58,7 @@ class Failed:
     again: bool = False  # another try may do
 
 
-Done = tuple[Chunk, ...] | str | Finished  # of Cut; of Restore, its record as JSON; of Finish
+Done = tuple[Chunk, ...] | str | Outcome  # of Cut; of Restore, its record as JSON; of Finish
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,24 +93,24 @@ class Crew:
         """Hand an order to a worker."""
         worker = self._idle.pop() if self._idle else self._hired()
         self._busy[worker] = order
-        with contextlib.suppress(OSError):  # a worker that has died meanwhile is heard of below
+        with contextlib.suppress(OSError):  # a worker that has died meanwhile is found below
             worker.connection.send(order)
 
-    def heard(self) -> Iterator[tuple[Order, Heard | Failed | Done]]:
-        """Wait until a worker says something, and all that is said now."""
+    def answers(self) -> Iterator[tuple[Order, Progress | Failed | Done]]:
+        """Wait until a worker reports something; all that is reported now."""
         ready = wait([worker.connection for worker in self._busy])
         for worker in [worker for worker in self._busy if worker.connection in ready]:
             order = self._busy[worker]
             try:
-                said = worker.connection.recv()
+                answer = worker.connection.recv()
             except (EOFError, OSError):
-                said = _death(worker)
+                answer = _death(worker)
                 del self._busy[worker]
             else:
-                if not isinstance(said, Heard):
+                if not isinstance(answer, Progress):
                     self._idle.append(worker)
                     del self._busy[worker]
-            yield order, said
+            yield order, answer
 
     def dismiss(self) -> None:
         """End all workers at once; what they have not finished is lost."""
@@ -157,49 +139,47 @@ def _death(worker: _Worker) -> Failed:
 
 def _serve(orders: Connection) -> None:
     """What a worker does all its life."""
-    task: ClipTask | None = None
-    job: ClipJob | None = None
+    task: Task | None = None
+    request: Request | None = None
     with contextlib.suppress(EOFError, OSError):
         while True:
             order: Order = orders.recv()
             try:
-                if task is None or job != order.job:
-                    job, task = order.job, clip_job.prepare(order.job)
-                said = _carried_out(order, task, _seldom(orders.send))
+                if task is None or request != order.request:
+                    request, task = order.request, prepare(order.request)
+                answer = _carried_out(order, task, _seldom(orders.send))
             except Exception as error:
-                said = _told(error)
-            orders.send(said)
+                answer = _failed(error)
+            orders.send(answer)
 
 
-def _carried_out(order: Order, task: ClipTask, observe: Callable[[int, str, float], None]) -> Done:
+def _carried_out(order: Order, task: Task, observe: Observer) -> Done:
     match order:
         case Cut():
-            return tuple(chunk.chunks(task))
+            return tuple(deblur.chunks(task))
         case Restore():
             order.folder.mkdir(parents=True, exist_ok=True)
-            return chunk.work(task, order.chunk, order.folder, observe).model_dump_json()
+            return deblur.work(task, order.chunk, order.folder, observe).model_dump_json()
         case Finish():
             records = [ChunkRecord.model_validate_json(record) for record in order.records]
-            outcome = clip.finish(task, records, order.folder)
-            return Finished(
-                restored=outcome.restored, left=outcome.left, failed=outcome.failed, seconds=outcome.seconds, notes=tuple(outcome.notes)
-            )
+            return deblur.finish(task, records, order.folder)
 
 
-def _seldom(send: Callable[[Heard], None]) -> Callable[[int, str, float], None]:
-    last = (-1, -_EVERY)
+def _seldom(send: Observer) -> Observer:
+    """Passes on what concerns another frame than before, and else a few times a second."""
+    last = (None, -_EVERY)
 
-    def observe(frame: int, stage: str, fraction: float) -> None:
+    def observe(progress: Progress) -> None:
         nonlocal last
         now = time.monotonic()
-        if frame != last[0] or now - last[1] >= _EVERY:
-            last = frame, now
-            send(Heard(frame=frame, stage=stage, fraction=fraction))
+        if progress.frame != last[0] or now - last[1] >= _EVERY:
+            last = progress.frame, now
+            send(progress)
 
     return observe
 
 
-def _told(error: Exception) -> Failed:
+def _failed(error: Exception) -> Failed:
     words = " ".join(str(error).split())
     match error:
         case UnreadableError():

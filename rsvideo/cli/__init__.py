@@ -13,6 +13,7 @@ from rsvideo.cli.calibrate import calibrate
 from rsvideo.cli.compare import compare
 from rsvideo.cli.deblur import deblur
 from rsvideo.cli.inspect import inspect
+from rsvideo.cli.options import RequestCommand
 from rsvideo.cli.plot import plot
 from rsvideo.cli.run import run
 from rsvideo.cli.simulate import simulate
@@ -20,9 +21,9 @@ from rsvideo.cli.validate import schema, validate
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
 app.add_typer(calibrate, name="calibrate")
-app.command()(compare)
-app.command()(deblur)
-app.command()(inspect)
+app.command(cls=RequestCommand)(compare)
+app.command(cls=RequestCommand)(deblur)
+app.command(cls=RequestCommand)(inspect)
 app.command()(plot)
 app.command()(run)
 app.command()(schema)
@@ -43,7 +44,7 @@ def _version(wanted: bool) -> bool:
 def rsvideo(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")] = False,
 ) -> None:
-    """Remove motion blur and rolling-shutter distortion together, from hand-held photographs."""
+    """Remove motion blur and rolling-shutter distortion together, from hand-held photographs and clips."""
 
 
 def main() -> None:

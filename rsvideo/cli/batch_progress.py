@@ -24,7 +24,7 @@ def shown(how: Literal["auto", "jsonl", "none"]) -> "Iterator[Callable[[Event], 
             yield show
 
 
-def span(seconds: float) -> str:
+def clock(seconds: float) -> str:
     """Hours, minutes and seconds."""
     return f"{seconds // 3600:.0f}:{seconds // 60 % 60:02.0f}:{seconds % 60:02.0f}"
 
@@ -62,7 +62,7 @@ def _bars() -> "Iterator[Callable[[Event], None]]":
         def show(event: "Event") -> None:
             if words := _words(event):
                 console.print(f"rsvideo: {words}", markup=False, highlight=False, soft_wrap=True)
-            left = "" if event.seconds_left is None else f"{span(event.seconds_left)} left"
+            left = "" if event.seconds_left is None else f"{clock(event.seconds_left)} left"
             progress.update(batch, completed=event.done / max(1, event.frames), left=left)
             if event.event in ("finished", "failed"):
                 if (task := clips.pop(event.output, None)) is not None:

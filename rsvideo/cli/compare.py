@@ -1,27 +1,29 @@
-"""rsvideo compare: several methods on one input, a job's clips or a folder of cases, and who wins."""
+"""rsvideo compare: several methods on one input, a job's sources or a folder of cases, and who wins."""
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from typer import Option
 
-from rsvideo.cli import asked, options
-from rsvideo.cli.validate import Sets, refusing
-from rsvideo.config.method import GyroFile, Method
+from rsvideo.cli import options
+from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.validate import Sets
+from rsvideo.config.media import SEQUENCES, is_clip, is_sequence
+from rsvideo.config.method import Method
 
 if TYPE_CHECKING:
     from rsvideo.comparison.method_run import Attempt
-    from rsvideo.pipeline.clip_job import ClipJob
-    from rsvideo.pipeline.job import Job
+    from rsvideo.config.request import Request
+    from rsvideo.progress import Observer
     from rsvideo.report.comparison import Comparison
     from rsvideo.report.table import Format
 
-Show = Callable[[str, float], None]
+Crops = Sequence[tuple[int, int, int, int]]
 _ALL = (
     Method.NONE,
     Method.RSVIDEO,
@@ -40,6 +42,11 @@ _TABLE = (Method.NONE, Method.UNIFORM, Method.NONUNIFORM, Method.STITCH, Method.
 _FORMATS: dict[str, "Format"] = {".md": "markdown", ".tex": "latex", ".csv": "csv"}
 
 
+@options.offers(
+    "camera",
+    *("motion.model", "motion.trajectory", "motion.gyro", "motion.gyro_offset", "motion.gyro_axes"),
+    *("deblur.prior", "deblur.frames", "deblur.block_rows", "input.range", "input.rate", "encoding.codec", "encoding.quality"),
+)
 def compare(
     source: Annotated[Path | None, typer.Argument(metavar="INPUT|JOB.yaml", help="A photograph, a clip, or a job's file.")] = None,
     output: Annotated[Path | None, Option("-o", "--output", metavar="REPORT", help="A folder; with --table, a file.")] = None,
@@ -59,28 +66,7 @@ def compare(
     ] = None,
     jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Methods at a time; times are fair with 1.")] = 1,
     resume: Annotated[bool, Option("--resume/--fresh", help="Take results of the same request that are there, or make them anew.")] = True,
-    exposure: options.Exposure = None,
-    shutter_angle: options.ShutterAngle = None,
-    readout: options.Readout = None,
-    row_time: options.RowTime = None,
-    scanlines_total: options.ScanlinesTotal = None,
-    direction: options.ReadoutDirection = None,
-    focal_px: options.FocalPx = None,
-    camera: options.Camera = None,
-    motion: options.Motion = None,
-    prior: options.Prior = None,
-    frames: options.Frames = None,
-    transfer: options.Transfer = None,
-    trajectory: options.GivenMotion = None,
-    block_rows: options.BlockRows = None,
-    gyro: options.Gyro = None,
-    gyro_offset: options.GyroOffset = None,
-    gyro_axes: options.GyroAxes = None,
-    part: options.Range = None,
-    rate: options.Rate = None,
-    codec: Annotated[Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1"] | None, Option(help="Of the clips that are kept.")] = None,
-    quality: options.Quality = None,
-    force: options.Force = False,
+    given: options.Given = options.NOTHING,
     sets: Sets = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the report, or the table.")] = False,
     json: Annotated[bool, Option("--json", help="Print report.json on standard output.")] = False,
@@ -91,37 +77,40 @@ def compare(
 
     Exit codes: 0 all done; 1 a method failed; 2 the request is wrong; 3 an input is damaged or missing; 4 a report exists.
     """
-    words = asked.words(locals())
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     with refusing():
-        wanted = None if methods is None else _methods(methods)
-        crops = [_crop(text) for text in crop or ()]
+        wanted = _Wanted(
+            methods=None if methods is None else _methods(methods), truth=truth, crops=[_crop(text) for text in crop or ()], given=given
+        )
         if output is None:
             raise ValueError("-o must say where the report goes: a folder, or the file of the table")
         if (source is None) == (table is None):
             raise ValueError("one input must be given: a photograph, a clip or a job's file, or --table with a folder of cases")
-        given = next((asked.option(name) for name in words), None)
+        how = _How(jobs=jobs, resume=resume, overwrite=overwrite)
         if table is not None:
-            if given or truth or crops:
-                raise ValueError(f"{given or ('--truth' if truth else '--crop')} cannot be given with --table: each case says it by itself")
-            kind = format_ or _FORMATS.get(output.suffix.lower())
-            if kind is None:
-                raise ValueError(
-                    f"{output} must end in {', '.join(_FORMATS)}, it ends in {output.suffix!r}; or --format says what it holds"
-                )
-            folder = results or output.with_name(output.stem + "_results")
-            return _table(table, output, kind, wanted or _TABLE, folder, jobs=jobs, resume=resume, overwrite=overwrite)
+            return _table(table, output, format_, wanted, results, how)
         assert source is not None
-        kept = results or output / "results"
-        if source.suffix.lower() in (".yaml", ".yml"):
-            if given:
-                raise ValueError(f"{given} cannot be given with a job's file, which says it; --set camera.exposure=1/50 does")
-            works, title = _of_job(source, wanted, truth, crops, kept, sets or ()), source.stem
-        else:
-            if sets:
-                raise ValueError("--set is for a job's file")
-            works, title = [_of_words(source, wanted, truth, crops, kept, words)], None
-        return _compared(works, output, title, jobs=jobs, resume=resume, overwrite=overwrite, json=json)
+        works, title = _works(source, wanted, results or output / "results", sets or ())
+        return _compared(works, output, title, how, json=json)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Wanted:
+    """What is to be tried, with which options, and measured against what."""
+
+    methods: Sequence[Method] | None  # None: those that apply
+    truth: Path | None
+    crops: Crops
+    given: options.Given
+
+
+@dataclass(frozen=True, kw_only=True)
+class _How:
+    """How the work is carried out."""
+
+    jobs: int
+    resume: bool
+    overwrite: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,9 +118,21 @@ class _Work:
     """One input, and what is tried on it."""
 
     name: str
-    jobs: "Sequence[Job | ClipJob]"
+    requests: "Sequence[Request]"
     truth: Path | None
-    crops: Sequence[tuple[int, int, int, int]]
+    crops: Crops
+
+
+def _works(source: Path, wanted: _Wanted, kept: Path, sets: Sequence[str]) -> tuple[list[_Work], str | None]:
+    """What is tried on the input or on each of a job's sources, and the title of their index."""
+    if source.suffix.lower() in (".yaml", ".yml"):
+        if wanted.given:
+            flag = options.flag(next(iter(wanted.given)))
+            raise ValueError(f"{flag} cannot be given with a job's file, which says it; --set camera.exposure=1/50 does")
+        return _of_job(source, wanted, kept, sets), source.stem
+    if sets:
+        raise ValueError("--set is for a job's file")
+    return [_of_source(source, wanted, kept)], None
 
 
 def _methods(text: str) -> tuple[Method, ...]:
@@ -171,81 +172,61 @@ def _folder(output: Path, *, overwrite: bool) -> None:
         raise ValueError(f"the report's folder {output} must be writable: {why}; is -o right?") from error
 
 
-def _of_words(
-    source: Path,
-    wanted: Sequence[Method] | None,
-    truth: Path | None,
-    crops: Sequence[tuple[int, int, int, int]],
-    kept: Path,
-    words: dict[str, Any],
-) -> _Work:
-    clip, about_logs = asked.is_clip(source), [name for name in words if name.startswith("gyro")]
-    tried = wanted or _applying(clip=clip, recorded=bool(about_logs))
+def _of_source(source: Path, wanted: _Wanted, kept: Path) -> _Work:
+    given = wanted.given
+    if (codec := given.get("encoding.codec")) in SEQUENCES:
+        raise ValueError(f"codec must be one that clips are kept in, {codec} writes folders of pictures")
+    clip, of_logs = is_clip(source), any(key.startswith("motion.gyro") for key in given)
+    tried = wanted.methods or _applying(clip=clip, logs=of_logs)
     for name in tried:
         if name.needs_clip and not clip:
             raise ValueError(f"method {name} concerns clips, it sees the motion between frames; {source} is taken for a photograph")
-
-    def concerning(method: Method) -> dict[str, Any]:
-        others = [*(about_logs if not method.recorded else ()), *(("block_rows",) if method is not Method.STITCH else ())]
-        return {name: value for name, value in words.items() if name not in others} | {"method": method}
-
-    lossless = {"codec": "ffv1"} if _pictures(source) else {}
-    jobs = [asked.job(source, kept / name / _name(source), lossless | concerning(name)) for name in tried]
-    return _Work(name="", jobs=jobs, truth=truth, crops=crops)
+    lossless = {"encoding.codec": "ffv1"} if is_sequence(source) else {}
+    asked_for = options.request(source, kept / _name(source), {**lossless, **given})
+    requests = [_by_method(asked_for, name, kept / name / _name(source)) for name in tried]
+    return _Work(name="", requests=requests, truth=wanted.truth, crops=wanted.crops)
 
 
-def _of_job(
-    path: Path,
-    wanted: Sequence[Method] | None,
-    truth: Path | None,
-    crops: Sequence[tuple[int, int, int, int]],
-    kept: Path,
-    sets: Iterable[str],
-) -> list[_Work]:
+def _of_job(path: Path, wanted: _Wanted, kept: Path, sets: Iterable[str]) -> list[_Work]:
     from rsvideo.batch import plan
-    from rsvideo.batch.job import understood
-    from rsvideo.config import yaml
 
     batch = plan.read(path, tuple(sets), overwrite=True)
-    report = understood(*yaml.load(path)).report
-    recorded = any(request.job.gyro != GyroFile() for request in batch.requests)
-    tried = wanted or report.methods or _applying(clip=True, recorded=recorded)
+    logs = any(item.request.motion.states_gyro for item in batch.items)
     works = []
-    for job in (request.job for request in batch.requests):
-        name = job.output.stem
-        jobs = [
-            replace(
-                job,
-                method=method,
-                output=kept / name / method / _name(job.source),
-                gyro=job.gyro if method.recorded else GyroFile(),
-                block_rows=job.block_rows if method is Method.STITCH else None,
-            )
-            for method in tried
-        ]
-        works.append(_Work(name=name, jobs=jobs, truth=truth or report.truth_of(job.source), crops=crops or report.crops))
+    for request in (item.request for item in batch.items):
+        name = request.output.stem
+        listed = wanted.methods or batch.report.methods or _applying(clip=request.is_clip, logs=logs)
+        tried = (method for method in listed if request.is_clip or not method.needs_clip)
+        requests = [_by_method(request, method, kept / name / method / _name(request.source)) for method in tried]
+        truth = wanted.truth or batch.report.truth_of(request.source)
+        works.append(_Work(name=name, requests=requests, truth=truth, crops=wanted.crops or batch.report.crops))
     return works
 
 
-def _compared(works: Sequence[_Work], output: Path, title: str | None, *, jobs: int, resume: bool, overwrite: bool, json: bool) -> int:
+def _by_method(request: "Request", method: Method, output: Path) -> "Request":
+    """The same request for another method, without the options that concern others only."""
+    no_log = {} if method.follows_gyro else dict.fromkeys(("gyro", "gyro_offset", "gyro_axes"))
+    no_blocks = {} if method is Method.STITCH else {"block_rows": None}
+    return request.replaced(output=output, motion=no_log, deblur={"method": method, **no_blocks})
+
+
+def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How, *, json: bool) -> int:
     """A page for each input; and an index of them all, with a `title`."""
     from rsvideo.cli import quiet
-    from rsvideo.cli.progress import bar
+    from rsvideo.cli.progress import progress_bar
     from rsvideo.comparison import preflight
     from rsvideo.config.files import write_whole
+    from rsvideo.progress import within
     from rsvideo.report import page
 
     with quiet.c_libraries():
-        works = [replace(work, jobs=preflight.settled(work.jobs, work.truth, work.crops)) for work in works]
-    _folder(output, overwrite=overwrite)
+        works = [replace(work, requests=preflight.settled(work.requests, work.truth, work.crops)) for work in works]
+    _folder(output, overwrite=how.overwrite)
     done, everyone = [], []
-    with bar() as show:
+    with progress_bar() as observe:
         for n, work in enumerate(works):
-
-            def part(stage: str, fraction: float, n=n, name=work.name) -> None:
-                show(f"{name}: {stage}" if name else stage, (n + fraction) / len(works))
-
-            comparison, attempts = _carried_out(work, part, jobs=jobs, resume=resume)
+            part = within(observe, n / len(works), (n + 1) / len(works), f"{work.name}: " if work.name else "")
+            comparison, attempts = _carried_out(work, part, how)
             (output / work.name).mkdir(exist_ok=True)
             _write(output / work.name, comparison)
             done.append((work.name, comparison))
@@ -268,40 +249,35 @@ def _numbers(output: Path, comparisons: "Sequence[Comparison]") -> dict[Path, by
     return {output / "report.csv": numbers.all_csv(comparisons), output / "report.json": numbers.all_json(comparisons)}
 
 
-def _carried_out(work: _Work, show: Show, *, jobs: int, resume: bool) -> "tuple[Comparison, list[Attempt]]":
+def _carried_out(work: _Work, observe: "Observer", how: _How) -> "tuple[Comparison, list[Attempt]]":
     from rsvideo.cli import quiet
     from rsvideo.comparison import compare, method_run
+    from rsvideo.progress import within
 
-    orders = [method_run.Order(job=job) for job in work.jobs]
-    attempts = method_run.all_of(orders, most=jobs, resume=resume, quiet=quiet.wanted(), show=lambda stage, done: show(stage, 0.9 * done))
-    seen = compare.compared(
-        work.jobs[0], attempts, truth=work.truth, crops=work.crops, show=lambda stage, done: show(stage, 0.9 + 0.1 * done)
-    )
-    return seen, attempts
+    orders = [method_run.Order(request=request) for request in work.requests]
+    attempts = method_run.all_of(orders, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=within(observe, 0.0, 0.9))
+    measured = compare.compared(work.requests[0], attempts, truth=work.truth, crops=work.crops, observe=within(observe, 0.9, 1.0))
+    return measured, attempts
 
 
-def _applying(*, clip: bool, recorded: bool) -> tuple[Method, ...]:
+def _applying(*, clip: bool, logs: bool) -> tuple[Method, ...]:
+    """The methods that apply to a clip or a photograph, those that follow a gyroscope's log where there are any."""
     from importlib.util import find_spec
 
     peer = find_spec("imageio_ffmpeg") is not None  # an extra, which is tried where it is installed
-    applying = (name for name in _ALL if (clip or not name.needs_clip) and (recorded or not name.recorded))
+    applying = (name for name in _ALL if (clip or not name.needs_clip) and (logs or not name.follows_gyro))
     return tuple(name for name in applying if peer or not name.steadied)
 
 
 def _name(source: Path) -> str:
     """Of a result, in a format that every method can write and that loses as little as the source's own."""
-    if not asked.is_clip(source):
+    if not is_clip(source):
         return source.stem + ".png"
-    if _pictures(source):
+    if is_sequence(source):  # whose pictures become one lossless clip
         return "".join(letter for letter in source.stem if letter not in "#%*").strip("_-. ") + ".mkv"
     from rsvideo.video.output_format import CONTAINERS
 
     return source.stem + (source.suffix.lower() if source.suffix.lower() in CONTAINERS else ".mkv")
-
-
-def _pictures(source: Path) -> bool:
-    """Whether it is a folder or a pattern, whose pictures become one lossless clip."""
-    return source.is_dir() or any(mark in source.name for mark in "#%*")
 
 
 def _write(output: Path, comparison: "Comparison") -> None:
@@ -330,8 +306,7 @@ def _tell(comparison: "Comparison", output: Path) -> None:
 
 def _note(attempts: "Sequence[Attempt]") -> None:
     for each in attempts:
-        for note in each.notes:
-            print(f"rsvideo: note: {each.method}: {note}", file=sys.stderr)
+        note(f"{each.method}: {words}" for words in each.notes)
 
 
 def _code(attempts: "Sequence[Attempt]") -> int:
@@ -343,25 +318,29 @@ def _code(attempts: "Sequence[Attempt]") -> int:
     return Code.FAILED if failed else Code.DONE
 
 
-def _table(
-    cases: Path, output: Path, kind: "Format", methods: Sequence[Method], results: Path, *, jobs: int, resume: bool, overwrite: bool
-) -> int:
+def _table(cases: Path, output: Path, form: "Format | None", wanted: _Wanted, results: Path | None, how: _How) -> int:
     from rsvideo.cli import quiet
     from rsvideo.cli.exit_codes import Code
-    from rsvideo.cli.progress import bar
+    from rsvideo.cli.progress import progress_bar
     from rsvideo.comparison import cases as folder
     from rsvideo.config.files import write_whole
     from rsvideo.report import table
 
+    stated = [*map(options.flag, wanted.given), *(["--truth"] if wanted.truth else []), *(["--crop"] if wanted.crops else [])]
+    if stated:
+        raise ValueError(f"{stated[0]} cannot be given with --table: each case says it by itself")
+    form = form or _FORMATS.get(output.suffix.lower())
+    if form is None:
+        raise ValueError(f"{output} must end in {', '.join(_FORMATS)}, it ends in {output.suffix!r}; or --format says what it holds")
     found = folder.find(cases)
     if not output.parent.is_dir():
         raise ValueError(f"the folder {output.parent} of {output.name} must exist; make it first, or is its name mistyped?")
-    if output.exists() and not overwrite:
+    if output.exists() and not how.overwrite:
         raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
-    with bar() as show:
-        told = folder.scored(found, methods, results, most=jobs, resume=resume, quiet=quiet.wanted(), show=show)
-    write_whole({output: table.written(told, kind).encode()})
-    for note in told.notes:
-        print(f"rsvideo: note: {note}", file=sys.stderr)
-    print(f"rsvideo: {len(told.rows)} cases, {len(methods)} methods: {output}", file=sys.stderr)
-    return Code.FAILED if told.failed else Code.DONE
+    methods, kept = wanted.methods or _TABLE, results or output.with_name(output.stem + "_results")
+    with progress_bar() as observe:
+        scores = folder.scored(found, methods, kept, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=observe)
+    write_whole({output: table.written(scores, form).encode()})
+    note(scores.notes)
+    print(f"rsvideo: {len(scores.rows)} cases, {len(methods)} methods: {output}", file=sys.stderr)
+    return Code.FAILED if scores.failed else Code.DONE

@@ -1,55 +1,28 @@
-"""rsvideo deblur: one blurred photograph or clip in, a sharp one out."""
+"""rsvideo deblur: one blurred photograph or clip in, a sharp one out, in this process. Batches and resuming are `rsvideo run`."""
 
 import os
+import shutil
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
 
-from rsvideo.cli import asked, options
-from rsvideo.config.method import Method
+from rsvideo.cli import options
+from rsvideo.cli.exit_codes import note, refusing
+
+if TYPE_CHECKING:
+    from rsvideo.config.request import Request
 
 
+@options.offers("camera", "motion", "deblur", "input", "encoding")
 def deblur(
     source: Annotated[
         Path, typer.Argument(metavar="INPUT", help="A photograph (PNG, TIFF, JPEG, raw), a clip (MP4, MOV, MKV), or a folder of pictures.")
     ],
     output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format.")],
-    exposure: options.Exposure = None,
-    readout: options.Readout = None,
-    row_time: options.RowTime = None,
-    direction: options.ReadoutDirection = None,
-    focal_px: options.FocalPx = None,
-    motion: options.Motion = None,
-    degree: options.Degree = None,
-    start: options.Start = None,
-    refinement: options.Refinement = None,
-    prior: options.Prior = None,
-    transfer: options.Transfer = None,
-    trajectory: options.GivenMotion = None,
-    gyro: options.Gyro = None,
-    gyro_offset: options.GyroOffset = None,
-    gyro_axes: options.GyroAxes = None,
-    shutter_angle: options.ShutterAngle = None,
-    scanlines_total: options.ScanlinesTotal = None,
-    camera: options.Camera = None,
-    method: Annotated[
-        Method, Option(help="This project's, or one that it is compared with; none decodes and encodes only.")
-    ] = Method.RSVIDEO,
-    block_rows: options.BlockRows = None,
-    frames: options.Frames = None,
-    path: options.OutputPath = "keep",
-    part: options.Range = None,
-    side_by_side: options.SideBySide = False,
-    codec: Annotated[
-        Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"] | None, Option(help="Of a clip. [default: same]")
-    ] = None,
-    quality: options.Quality = None,
-    pixel_format: options.PixelFormat = None,
-    on_damage: options.OnDamage = "fail",
-    rate: options.Rate = None,
-    force: options.Force = False,
+    given: options.Given,
     threads: Annotated[int | None, Option(min=1, max=1024, help="[default: all cores]")] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace OUTPUT and its sidecar.")] = False,
     json: Annotated[bool, Option("--json", help="Print the sidecar on standard output.")] = False,
@@ -59,18 +32,28 @@ def deblur(
     Beside OUTPUT a sidecar <stem>.rsvideo.json records the timing, the motion that was found and the verdict of each frame;
     of a clip, <stem>.gcsv the motion as a gyroscope's log.
     """
-    words = asked.words(locals())
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other on a busy machine
     if threads:
         os.environ["NUMBA_NUM_THREADS"] = str(threads)  # read once, when numba is first imported
+    with refusing():
+        _carry_out(options.request(source, output, given, overwrite=overwrite), json=json)
 
-    from rsvideo.cli import in_this_process
-    from rsvideo.cli.exit_codes import RefusedError
-    from rsvideo.config.files import UnreadableError
 
-    try:
-        in_this_process.deblur(asked.job(source, output, words | {"overwrite": overwrite}), json=json)
-    except UnreadableError:
-        raise
-    except ValueError as error:
-        raise RefusedError(str(error)) from error
+def _carry_out(request: "Request", *, json: bool) -> None:
+    """Restore, write, and report what was done."""
+    from rsvideo.cli import quiet
+    from rsvideo.cli.progress import progress_bar
+    from rsvideo.pipeline.deblur import carry_out
+    from rsvideo.pipeline.prepare import prepare
+
+    with quiet.c_libraries():
+        task = prepare(request)
+    note(task.notes)
+    with progress_bar() as observe:
+        outcome = carry_out(task, observe)
+    note(each for each in outcome.notes if each not in task.notes)
+    if json:
+        with request.record.open(encoding="utf-8") as record:
+            shutil.copyfileobj(record, sys.stdout)
+    else:
+        print(f"rsvideo: {outcome.summary}: {request.output}", file=sys.stderr)

@@ -1,7 +1,10 @@
 """How the command ends: an exit code, and one line that says why."""
 
+import contextlib
 import enum
 import signal
+import sys
+from collections.abc import Iterable, Iterator
 from types import FrameType
 
 from rsvideo.config.files import UnreadableError
@@ -41,8 +44,28 @@ def _stop(number: int, _: FrameType | None) -> None:
     raise Stopped(number)
 
 
+@contextlib.contextmanager
+def refusing() -> Iterator[None]:
+    """Every fault of a request becomes one line, and the exit code of a wrong request."""
+    try:
+        yield
+    except UnreadableError:
+        raise
+    except ValueError as error:
+        *others, last = getattr(error, "faults", (str(error),))  # a file of settings may have several
+        for fault in others:
+            print(f"rsvideo: {fault}", file=sys.stderr)
+        raise RefusedError(last) from error
+
+
+def note(notes: Iterable[str]) -> None:
+    """What the user should know beside the result, a line each."""
+    for each in notes:
+        print(f"rsvideo: note: {each}", file=sys.stderr)
+
+
 def told(error: BaseException) -> tuple[int, str]:
-    """The exit code for what went wrong, and the line that tells it."""
+    """The exit code for what went wrong, and the line that says so."""
     code, words = _told(error)
     return code, " ".join(words.split())
 

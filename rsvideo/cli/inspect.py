@@ -1,4 +1,4 @@
-"""rsvideo inspect: everything that is known of a clip, and who said so."""
+"""rsvideo inspect: everything that is stated of a clip, and by whom."""
 
 import sys
 from pathlib import Path
@@ -7,34 +7,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from rsvideo.cli.options import Way
+from rsvideo.cli import options
+from rsvideo.cli.exit_codes import refusing
 
 if TYPE_CHECKING:
-    from rsvideo.pipeline.clip_facts import KnownClip
+    from rsvideo.config.request import Camera
+    from rsvideo.pipeline.take import Take
     from rsvideo.shooting.fact import Fact
-    from rsvideo.shooting.timing import Asked
 
-Line = tuple[str, str, str]  # what, its value, who said so
+Line = tuple[str, str, str]  # what, its value, who stated it
 _WIDTH = 160  # where the output is no terminal, whose width is not known
 
 
+@options.offers(
+    *("camera.profile", "camera.exposure", "camera.shutter_angle", "camera.readout", "camera.row_time", "camera.scanlines_total"),
+    *("camera.direction", "camera.force", "input.rate"),
+)
 def inspect(
     source: Annotated[Path, typer.Argument(metavar="CLIP", help="An MP4, MOV or MKV file, or a sequence's folder.")],
-    camera: Annotated[
-        str | None, Option(metavar="NAME|FILE", help="The camera's profile by name or file, or its name in the public table.")
-    ] = None,
-    exposure: Annotated[str | None, Option(metavar="TIME", help="How long each row collects light: 1/50, 20ms, 0.02.")] = None,
-    shutter_angle: Annotated[float | None, Option(metavar="DEG", help="The same, in degrees of a frame's period.")] = None,
-    readout: Annotated[
-        str | None, Option(metavar="TIME", help="From the first row's opening to the last one's; 0 is a global shutter.")
-    ] = None,
-    row_time: Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's.")] = None,
-    scanlines_total: Annotated[
-        int | None, Option(metavar="N", help="Visible and blanking lines: row time is 1 / (frame rate * N).")
-    ] = None,
-    direction: Annotated[Way | None, Option(help="The way the readout runs over the picture as stored.")] = None,
-    rate: Annotated[str | None, Option(metavar="FPS", help="Of a sequence: 25, 24000/1001.")] = None,
-    force: Annotated[bool, Option("--force", help="Take times longer than a frame's period.")] = False,
+    given: options.Given,
     json: Annotated[bool, Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show what is known of a clip, from where, and what is missing.
@@ -42,45 +33,31 @@ def inspect(
     Sources of the timing, first hit wins: options, the clip's metadata, --camera, the public table of readout times, the frame rate.
     """
     from rsvideo.cli import quiet
-    from rsvideo.cli.exit_codes import RefusedError
-    from rsvideo.config.files import UnreadableError
-    from rsvideo.config.quantity import frame_rate, seconds
-    from rsvideo.physics.shutter import Direction
     from rsvideo.pipeline.clip_facts import gather
-    from rsvideo.shooting.timing import Asked
 
-    try:
-        asked = Asked(
-            exposure=None if exposure is None else seconds("exposure", exposure),
-            shutter_angle=shutter_angle,
-            readout=None if readout is None else seconds("readout", readout),
-            row_time=None if row_time is None else seconds("row-time", row_time),
-            scanlines_total=scanlines_total,
-            direction=Direction(direction) if direction else None,
-            force=force,
-        )
+    with refusing():
+        stated = options.sections(given)
         with quiet.c_libraries():
-            clip = gather(source, camera=camera, rate=None if rate is None else frame_rate(rate))
-        told = _told(clip, asked)
-    except UnreadableError:
-        raise
-    except ValueError as error:
-        raise RefusedError(str(error)) from error
+            clip = gather(source, camera=stated.camera.profile, rate=stated.input.frame_rate)
+        values = _values(clip, stated.camera)
     if json:
-        _print_json(told)
+        _print_json(values)
     else:
-        _print_table(told)
+        _print_table(values)
 
 
-def _told(clip: "KnownClip", asked: "Asked") -> dict[str, Any]:
+def _values(clip: "Take", camera: "Camera") -> dict[str, Any]:
     """All facts, under the names of the JSON output."""
     from rsvideo.physics.shutter import Direction
     from rsvideo.shooting.timing import direction_of, exposure_of, readout_of
+    from rsvideo.video.stream import Stream
 
-    stream, facts = clip.stream, clip.facts
-    exposure, notes = exposure_of(asked, clip.shutter)
-    readout, more = readout_of(asked, clip.shutter)
-    direction = direction_of(asked, clip.shutter)
+    stream, facts = clip.source, clip.facts
+    assert isinstance(stream, Stream)
+    assert facts is not None
+    exposure, notes = exposure_of(camera, clip.shutter)
+    readout, more = readout_of(camera, clip.shutter)
+    direction = direction_of(camera, clip.shutter)
     scanlines = stream.rows if direction.value in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else stream.cols
     colour = stream.colour
     missing = {
@@ -113,34 +90,34 @@ def _told(clip: "KnownClip", asked: "Asked") -> dict[str, Any]:
             "assumed": sorted(colour.assumed),
         },
         "tracks": [{"kind": track.kind, "codec": track.codec, "name": track.name} for track in stream.tracks],
-        "make": _said(facts.make),
-        "model": _said(facts.model),
-        "captured": _said(facts.captured),
-        "iso": _said(facts.iso),
-        "recorded_frame_rate": _said(facts.frame_rate),
-        "exposure_s": _said(exposure),
-        "readout_s": _said(readout),
+        "make": _sourced(facts.make),
+        "model": _sourced(facts.model),
+        "captured": _sourced(facts.captured),
+        "iso": _sourced(facts.iso),
+        "recorded_frame_rate": _sourced(facts.frame_rate),
+        "exposure_s": _sourced(exposure),
+        "readout_s": _sourced(readout),
         "row_time_s": {"value": readout.value / scanlines, "source": f"readout / {scanlines}"} if readout else None,
-        "direction": _said(direction),
-        "focal_px": _said(clip.focal),
+        "direction": _sourced(direction),
+        "focal_px": _sourced(clip.focal),
         "missing": {what: option for what, option in missing.items() if option},
         "notes": [*clip.notes, *notes, *more],
     }
 
 
-def _said(said: "Fact[Any] | None") -> dict[str, Any] | None:
-    if said is None:
+def _sourced(fact: "Fact[Any] | None") -> dict[str, Any] | None:
+    if fact is None:
         return None
-    return {"value": said.value, "source": said.source, **({"within": list(said.within)} if said.within else {})}
+    return {"value": fact.value, "source": fact.source, **({"within": list(fact.within)} if fact.within else {})}
 
 
-def _print_json(told: dict[str, Any]) -> None:
+def _print_json(values: dict[str, Any]) -> None:
     import json
 
-    print(json.dumps(told, indent=1, allow_nan=False))
+    print(json.dumps(values, indent=1, allow_nan=False))
 
 
-def _print_table(told: dict[str, Any]) -> None:
+def _print_table(values: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -149,44 +126,44 @@ def _print_table(told: dict[str, Any]) -> None:
     table.add_column(no_wrap=True, style="bold")
     table.add_column(overflow="fold")
     table.add_column(overflow="fold", style="dim")
-    for line in _lines(told):
+    for line in _lines(values):
         table.add_row(*(Text(_printable(cell)) for cell in line))
     console = Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     with console.capture() as drawn:
         console.print(table)
     print("\n".join(line.rstrip() for line in drawn.get().splitlines()))
-    for note in told["notes"]:
+    for note in values["notes"]:
         print(f"rsvideo: note: {_printable(note)}", file=sys.stderr)
 
 
-def _lines(told: dict[str, Any]) -> list[Line]:
-    colour = told["colour"]
+def _lines(values: dict[str, Any]) -> list[Line]:
+    colour = values["colour"]
     tags = ", ".join((colour["matrix"], colour["transfer"], colour["primaries"], "full range" if colour["full_range"] else "limited range"))
-    rate = f"{told['frame_rate']:.6g} fps" + (", varying" if told["variable_frame_rate"] else "")
+    rate = f"{values['frame_rate']:.6g} fps" + (", varying" if values["variable_frame_rate"] else "")
     lines = [
-        ("clip", told["clip"], ""),
-        ("codec", told["codec"], ""),
+        ("clip", values["clip"], ""),
+        ("codec", values["codec"], ""),
         (
             "size",
-            f"{told['cols']} x {told['rows']}, as stored",
-            f"shown turned by {told['rotation_deg']} degrees" if told["rotation_deg"] else "",
+            f"{values['cols']} x {values['rows']}, as stored",
+            f"shown turned by {values['rotation_deg']} degrees" if values["rotation_deg"] else "",
         ),
-        ("frames", f"{told['frames']}, {told['duration_s']:.3f} s at {rate}", ""),
+        ("frames", f"{values['frames']}, {values['duration_s']:.3f} s at {rate}", ""),
         ("pixels", f"{colour['depth']} bits, {colour['subsampling']}, {colour['pixel_format']}", ""),
         ("colour", tags, f"assumed: {', '.join(colour['assumed']).replace('_', ' ')}" if colour["assumed"] else "the clip's tags"),
-        ("tracks", "; ".join(" ".join(filter(None, track.values())) for track in told["tracks"]) or "no others", ""),
+        ("tracks", "; ".join(" ".join(filter(None, track.values())) for track in values["tracks"]) or "no others", ""),
     ]
-    if told["timecode"]:
-        lines.append(("timecode", told["timecode"], ""))
+    if values["timecode"]:
+        lines.append(("timecode", values["timecode"], ""))
     for name, key, unit in (("make", "make", ""), ("model", "model", ""), ("captured", "captured", ""), ("ISO", "iso", "g")):
-        lines += [(name, format(told[key]["value"], unit), told[key]["source"])] if told[key] else []
-    lines += [_timed(name, told[key]) for name, key in (("exposure", "exposure_s"), ("readout", "readout_s")) if told[key]]
-    if row := told["row_time_s"]:
+        lines += [(name, format(values[key]["value"], unit), values[key]["source"])] if values[key] else []
+    lines += [_timed(name, values[key]) for name, key in (("exposure", "exposure_s"), ("readout", "readout_s")) if values[key]]
+    if row := values["row_time_s"]:
         lines.append(("row time", f"{row['value'] * 1e6:.4g} us", row["source"]))
-    lines.append(("direction", str(told["direction"]["value"]), told["direction"]["source"]))
-    if focal := told["focal_px"]:
+    lines.append(("direction", str(values["direction"]["value"]), values["direction"]["source"]))
+    if focal := values["focal_px"]:
         lines.append(("focal length", f"{focal['value']:.1f} px", focal["source"]))
-    return lines + [("missing", what, f"{option} would say it") for what, option in told["missing"].items()]
+    return lines + [("missing", what, f"{option} would say it") for what, option in values["missing"].items()]
 
 
 def _timed(name: str, fact: dict[str, Any]) -> Line:

@@ -1,50 +1,144 @@
-"""The options that restoring and comparing share."""
+"""The options of a request on the command line, made from its models, which say of each what it means and may be.
 
+The models take time to load, so the options are made when a command is called or its own help is asked for.
+"""
+
+import enum
+import inspect
+from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from typer import Option
+import typer
+from typer.core import TyperCommand
+
+if TYPE_CHECKING:
+    from rsvideo.config.option import OptionField
+    from rsvideo.config.request import Request, Sections
 
 Way = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
+Given = Mapping[str, Any]
+"""What was given, under keys such as `camera.exposure`; the parameter of this type stands where the options are listed."""
 
-Exposure = Annotated[str | None, Option(metavar="TIME", help="How long each row collects light: 1/50, 20ms, 0.02. [default: from EXIF]")]
-Readout = Annotated[str | None, Option(metavar="TIME", help="From the first row's opening to the last one's; 0 is a global shutter.")]
-RowTime = Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")]
-ReadoutDirection = Annotated[Way | None, Option(help="The way the readout runs over the picture as stored. [default: top-to-bottom]")]
-FocalPx = Annotated[str | None, Option(metavar="PX", help="Focal length in pixels. [default: from EXIF's 35 mm equivalent]")]
-Motion = Annotated[Literal["rotation", "shift"] | None, Option(help="All three angles, or the paper's shift. [default: rotation]")]
-Degree = Annotated[int | None, Option(min=1, max=12, help="Of the trajectory's polynomial.")]
-Start = Annotated[Literal["kernels", "tracing"] | None, Option(help="How the first trajectory is found.")]
-Refinement = Annotated[
-    Literal["sparsity", "alternation"] | None, Option(help="Of it: latent image eliminated, or the paper's Algorithm 1.")
-]
-Prior = Annotated[Literal["denoiser", "tv"] | None, Option(help="What a sharp picture is taken to look like.")]
-Transfer = Annotated[
-    str | None, Option(metavar="CURVE", help="How codes stand for light: srgb, bt709, slog3, ... [default: the clip's tag, or srgb]")
-]
-GivenMotion = Annotated[
-    Path | None, Option(metavar="FILE", help="Restore with this motion: a sidecar, or CSV of t_s,pitch_rad,yaw_rad,roll_rad.")
-]
-Gyro = Annotated[
-    Path | None, Option(metavar="FILE", help="Of the methods gyro: a log (.gcsv, CSV, t_ns wx wy wz). [default: what the clip embeds]")
-]
-GyroOffset = Annotated[float | None, Option(metavar="SECONDS", help="What the clip's time becomes the log's by adding. [default: found]")]
-GyroAxes = Annotated[
-    str | None, Option(metavar="XYZ", help="The gyroscope's axes along the camera's right, down, forward. [default: found]")
-]
-ShutterAngle = Annotated[float | None, Option(metavar="DEGREES", help="Of a clip, instead of --exposure.")]
-ScanlinesTotal = Annotated[int | None, Option(metavar="N", help="Of a clip: visible and blanking lines, instead of --readout.")]
-Camera = Annotated[str | None, Option(metavar="NAME", help="A profile by name or file; of a clip, also a camera of the public table.")]
-BlockRows = Annotated[int | None, Option(min=16, max=100_000, help="Of the method stitch. [default: a third of the frame]")]
-Frames = Annotated[
-    Literal["together", "alone", "cold"] | None,
-    Option(help="Of a clip: restored with their neighbours, along its path only, or each as a still. [default: together]"),
-]
-OutputPath = Annotated[Literal["keep", "smooth"], Option(help="Of a clip: the camera's own path, or a smooth one with a crop.")]
-Range = Annotated[str | None, Option("--range", metavar="FROM-TO", help="Of a clip: the part to restore, such as 00:10-00:12.")]
-SideBySide = Annotated[bool, Option("--side-by-side", help="Of a clip: the source on the left, the result on the right.")]
-Quality = Annotated[float | None, Option(min=0, max=63, help="Constant rate factor of h264 and hevc.")]
-PixelFormat = Annotated[str | None, Option(metavar="NAME", help="By FFmpeg's name, such as yuv422p10le.")]
-OnDamage = Annotated[Literal["fail", "passthrough", "skip"], Option(help="What to do with damaged frames of a clip.")]
-Rate = Annotated[str | None, Option(metavar="FPS", help="Of a folder of pictures: frames a second.")]
-Force = Annotated[bool, Option("--force", help="Of a clip: take a readout longer than a frame's period.")]
+NOTHING: Given = MappingProxyType({})
+
+_OFFERED = "__offered__"
+
+
+def offers(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Let a command take the options of these sections (`camera`) or fields (`input.rate`) of a request, as its parameter `given`."""
+
+    def mark(command: Callable[..., Any]) -> Callable[..., Any]:
+        signature = inspect.signature(command)
+        setattr(command, _OFFERED, (names, signature))
+        own = [parameter for parameter in signature.parameters.values() if parameter.name != "given"]
+        command.__signature__ = signature.replace(parameters=own)  # pyright: ignore[reportFunctionMemberAccess] # what typer reads
+        return command
+
+    return mark
+
+
+class RequestCommand(TyperCommand):
+    """A command that takes options of a request beside its own."""
+
+    @cached_property
+    def _whole(self) -> Any:
+        """The command with all of its options."""
+        app = typer.Typer(add_completion=False, rich_markup_mode=None)
+        app.command(context_settings=dict(self.context_settings))(_complete(getattr(self.callback, "__wrapped__")))  # noqa: B009 # within what typer made of it
+        return typer.main.get_command(app)
+
+    def get_params(self, ctx: Any) -> Any:
+        """All options, those of the request among them."""
+        return self._whole.get_params(ctx)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Call the command with what was given."""
+        return self._whole.invoke(ctx)
+
+
+def request(source: Path, output: Path, given: Given, *, overwrite: bool = False) -> "Request":
+    """The request that options state; ValueError, in the command line's words, where one cannot be meant."""
+    from rsvideo.config.request import Request
+
+    return Request.of(source, output, sections(given), overwrite=overwrite)
+
+
+def sections(given: Given) -> "Sections":
+    """What options state, in the sections of a request."""
+    from pydantic import ValidationError
+
+    from rsvideo.config.request import Sections, option_fields
+
+    stated: dict[str, dict[str, Any]] = {}
+    for key, value in given.items():
+        section, _, name = key.partition(".")
+        stated.setdefault(section, {})[name] = value
+    try:
+        return Sections.model_validate(stated)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        field = next(each for each in option_fields() if (each.section, each.name) == fault["loc"][:2])
+        words = str(fault["msg"]).removeprefix("Value error, ").replace(field.name, field.name.replace("_", "-"), 1)
+        own = fault["type"] == "value_error"
+        raise ValueError(words if own else f"{field.flag}: {words[:1].lower()}{words[1:]}, got {fault['input']!r}") from error
+
+
+def flag(key: str) -> str:
+    """An option as it is written on the command line."""
+    from rsvideo.config.request import option_fields
+
+    return next(each.flag for each in option_fields() if each.key == key)
+
+
+def _complete(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command as typer is to see it: a parameter for each option that it offers."""
+    from rsvideo.config.request import option_fields
+
+    names, signature = getattr(command, _OFFERED)
+    fields = {each.key.replace(".", "_"): each for each in option_fields() if each.section in names or each.key in names}
+
+    def called(**words: Any) -> Any:
+        given = {fields[name].key: value for name, value in words.items() if name in fields and value is not None}
+        return command(**{name: value for name, value in words.items() if name not in fields}, given=given)
+
+    parameters: list[inspect.Parameter] = []
+    for parameter in signature.parameters.values():
+        if parameter.name == "given":
+            parameters += [_parameter(name, each) for name, each in fields.items()]
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+    called.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess] # what typer reads
+    called.__doc__ = command.__doc__
+    return called
+
+
+def _parameter(name: str, each: "OptionField") -> inspect.Parameter:
+    kind, bounds = each.types
+    words = typer.Option(each.flag, metavar=each.option.metavar, help=_help(each), **_limits(kind, bounds))
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[_plain(kind) | None, words])
+
+
+def _help(each: "OptionField") -> str:
+    """The field's words, and what holds without it."""
+    default, words = each.field.default, each.option.help
+    if each.option.clips_only and not words.startswith("Of a "):
+        words = f"Of a clip: {words if words[:2].isupper() else words[:1].lower() + words[1:]}"
+    unless = each.option.unless or ("" if default in (None, False) else str(getattr(default, "value", default)))
+    return words + (f" [default: {unless}]" if unless else "")
+
+
+def _plain(kind: Any) -> Any:
+    """The type as typer knows it: a list of words for an enumeration, text for a path."""
+    if isinstance(kind, type) and issubclass(kind, enum.Enum):
+        return Literal[tuple(str(member.value) for member in kind)]
+    return str if kind is Path else kind
+
+
+def _limits(kind: Any, bounds: tuple[Any, ...]) -> dict[str, Any]:
+    if kind not in (int, float):
+        return {}
+    limits = {"min": next((each.ge for each in bounds if hasattr(each, "ge")), None)}
+    return limits | {"max": next((each.le for each in bounds if hasattr(each, "le")), None)}

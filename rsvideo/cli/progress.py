@@ -4,22 +4,35 @@ import contextlib
 from collections.abc import Callable, Iterator
 
 from rsvideo.cli import quiet
+from rsvideo.progress import Observer, Progress, ignore
 
 
 @contextlib.contextmanager
-def bar() -> Iterator[Callable[[str, float], None]]:
-    """A function that takes the stage's name and the fraction of the whole work that is done.
+def progress_bar() -> Iterator[Observer]:
+    """Shows the stage and how much of the whole work is done.
 
     Nothing else is seen meanwhile: what is to be said is said before or afterwards.
     """
     with quiet.c_libraries() as terminal:
         if not terminal.isatty():
-            yield lambda *_: None
+            yield ignore
             return
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bar
 
         columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeElapsedColumn()
-        with Progress(*columns, console=Console(file=terminal), transient=True) as progress:
-            task = progress.add_task("starting", total=1.0)
-            yield lambda stage, fraction: progress.update(task, description=stage, completed=fraction)
+        with Bar(*columns, console=Console(file=terminal), transient=True) as shown:
+            task = shown.add_task("starting", total=1.0)
+
+            def observe(at: Progress) -> None:
+                shown.update(task, description=at.stage, completed=at.fraction)
+
+            yield observe
+
+
+@contextlib.contextmanager
+def bar() -> Iterator[Callable[[str, float], None]]:
+    """The same, for work that reports its stage and its fraction as two values."""
+    with progress_bar() as observe:
+        yield lambda stage, fraction: observe(Progress(stage=stage, fraction=fraction))

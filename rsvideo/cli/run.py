@@ -1,27 +1,29 @@
-"""rsvideo run: a file that lists clips and settings in, restored clips out."""
+"""rsvideo run: a file that lists clips, photographs and settings in, restored ones out."""
 
 import contextlib
 import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from typer import Option
 
-from rsvideo.cli.validate import Sets, refusing
+from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.validate import Sets, counted, some
 
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
-    from rsvideo.batch.plan import Batch
+    from rsvideo.batch.plan import Batch, Planned
     from rsvideo.batch.run import Result
+    from rsvideo.pipeline.pieces import Chunk
 
 
 def run(
-    path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips, how they are treated, and where the results go.")],
+    path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips and photographs, how they are treated, where results go.")],
     jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Worker processes; each may need 2 GB.")] = 1,
     sets: Sets = None,
     dry_run: Annotated[bool, Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
@@ -32,11 +34,11 @@ def run(
     overwrite: Annotated[bool, Option("--overwrite", help="Replace results that exist.")] = False,
     json: Annotated[bool, Option("--json", help="Print the plan, or the result, as JSON on standard output.")] = False,
 ) -> int:
-    """Restore the clips that a job's file lists.
+    """Restore the clips and photographs that a job's file lists.
 
     What is done is kept beside the results until all is: the same command goes on after an interruption.
 
-    Exit codes: 0 all done; 1 a clip failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
+    Exit codes: 0 all done; 1 one failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
     5 done, but more frames failed than report.most_failed_frames.
     """
     with refusing():
@@ -50,7 +52,7 @@ def run(
             with ledger.opened(batch.working, fresh=not resume and not dry_run) as (book, notes):
                 if dry_run:
                     return _print_plan(batch, book.ours, json=json)
-                _note(notes)
+                note(notes)
                 return _carry_out(batch, book, jobs=jobs, progress=progress, json=json)
     except ledger.BusyError as error:
         _say(str(error))
@@ -64,27 +66,27 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
     from rsvideo.cli.exit_codes import Code, Stopped
 
     with refusing(), quiet.c_libraries():
-        clips = plan.settled(batch, book.ours)
-    for clip in clips:
-        if isinstance(clip, plan.Planned):
-            _note(f"{clip.job.source}: {note}" for note in clip.notes)
+        plans = plan.settled(batch, book.ours)
+    for each in plans:
+        if isinstance(each, plan.Planned):
+            note(f"{each.request.source}: {words}" for words in each.notes)
     try:
         with batch_progress.shown(progress) as show, workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
-            results = carry_out(clips, book, crew, show)
+            results = carry_out(plans, book, crew, show)
     except Stopped as error:
         _say(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except OSError as error:
         _say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
         return Code.FAILED
-    code = _code(results, batch.most_failed_frames)
+    code = _code(results, batch.report.most_failed_frames)
     if json or progress == "jsonl":
         _print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
     _print_table(results)
     if code == Code.WORSE:
-        _say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.most_failed_frames}")
+        _say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
     if faults := sum(result.fault is not None for result in results):
-        _say(f"{faults} of {_some(len(results), 'clip')} failed; {_kept(book)}")
+        _say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
     else:
         book.remove()
     return code
@@ -120,32 +122,40 @@ def _made(folder: Path) -> Iterator[None]:
 def _print_plan(batch: "Batch", ours: Callable[[str], bool], *, json: bool) -> int:
     from rsvideo.batch import plan
     from rsvideo.cli import quiet
-    from rsvideo.cli.batch_progress import span
+    from rsvideo.cli.batch_progress import clock
     from rsvideo.cli.exit_codes import Code
 
     with refusing(), quiet.c_libraries():
-        clips = plan.settled(batch, ours)
-        chunks = [plan.chunks(clip) if isinstance(clip, plan.Planned) else () for clip in clips]
-    planned = [clip for clip in clips if isinstance(clip, plan.Planned)]
+        plans = [(each, plan.chunks(each) if isinstance(each, plan.Planned) else ()) for each in plan.settled(batch, ours)]
+    planned = [each for each, _ in plans if isinstance(each, plan.Planned)]
     if json:
-        told = [clip.told(cuts) if isinstance(clip, plan.Planned) else vars(clip) for clip, cuts in zip(clips, chunks, strict=True)]
-        _print_json({"clips": told})
+        _print_json({"clips": [each.values(cuts) if isinstance(each, plan.Planned) else vars(each) for each, cuts in plans]})
     else:
-        for clip, cuts in zip(clips, chunks, strict=True):
-            if isinstance(clip, plan.Unreadable):
-                print(f"{clip.source} -> nothing: {clip.fault}")
-                continue
-            timing = clip.timing
-            shutter = f"exposure {1e3 * timing.exposure:.4g} ms, readout {1e3 * timing.readout:.4g} ms {timing.direction}"
-            print(f"{clip.job.source} -> {clip.job.output}")
-            print(f"  {clip.frames} frames of {clip.cols} x {clip.rows}, in chunks {', '.join(f'{cut.first}-{cut.last}' for cut in cuts)}")
-            print(f"  {shutter} ({clip.timing_source})")
-            print(f"  about {span(clip.seconds)} of one worker, {clip.bytes / 1e9:.2g} GB of disk while it lasts")
-            print("".join(f"  note: {note}\n" for note in clip.notes), end="")
-        seconds, size = sum(clip.seconds for clip in planned), sum(clip.bytes for clip in planned)
+        for each, cuts in plans:
+            if isinstance(each, plan.Planned):
+                _print_planned(each, cuts)
+            else:
+                print(f"{each.source} -> nothing: {each.fault}")
+        seconds, size = sum(each.seconds for each in planned), sum(each.bytes for each in planned)
         free = shutil.disk_usage(batch.folder).free
-        print(f"in all about {span(seconds)} of one worker, {size / 1e9:.2g} GB of disk; {free / 1e9:.2g} GB are free")
-    return Code.DONE if len(planned) == len(clips) else Code.UNREADABLE
+        print(f"in all about {clock(seconds)} of one worker, {size / 1e9:.2g} GB of disk; {free / 1e9:.2g} GB are free")
+    return Code.DONE if len(planned) == len(plans) else Code.UNREADABLE
+
+
+def _print_planned(each: "Planned", cuts: "Sequence[Chunk]") -> None:
+    from rsvideo.cli.batch_progress import clock
+
+    timing = each.timing
+    shutter = f"exposure {1e3 * timing.exposure:.4g} ms, readout {1e3 * timing.readout:.4g} ms {timing.direction}"
+    chunks = f", in chunks {', '.join(f'{cut.first}-{cut.last}' for cut in cuts)}"
+    print(f"{each.request.source} -> {each.request.output}")
+    if each.request.is_clip:
+        print(f"  {each.frames} frames of {each.cols} x {each.rows}{chunks}")
+    else:
+        print(f"  a photograph of {each.cols} x {each.rows}")
+    print(f"  {shutter} ({each.timing_source})")
+    print(f"  about {clock(each.seconds)} of one worker, {each.bytes / 1e9:.2g} GB of disk while it lasts")
+    print("".join(f"  note: {words}\n" for words in each.notes), end="")
 
 
 def _print_table(results: "Sequence[Result]") -> None:
@@ -161,7 +171,7 @@ def _print_table(results: "Sequence[Result]") -> None:
         cells = [clip.ljust(widths[0]), *(count.rjust(width) for count, width in zip(counts, widths[1:], strict=True)), output]
         print("  ".join(cells), file=sys.stderr)
     for result in results:
-        _note(f"{result.source}: {note}" for note in result.notes)
+        note(f"{result.source}: {words}" for words in result.notes)
 
 
 def _kept(book: "Ledger") -> str:
@@ -169,16 +179,7 @@ def _kept(book: "Ledger") -> str:
         clips, chunks = book.counts()
     except OSError:
         return "what was done before is kept, the same command goes on from there"
-    return f"{_some(clips, 'clip')} and {_some(chunks, 'chunk')} of others are kept, the same command goes on from there"
-
-
-def _some(number: int, thing: str) -> str:
-    return f"{number} {thing}{'' if number == 1 else 's'}"
-
-
-def _note(notes: Iterable[str]) -> None:
-    for note in notes:
-        _say(f"note: {note}")
+    return f"{some(clips, 'clip')} and {some(chunks, 'chunk')} of others are kept, the same command goes on from there"
 
 
 def _say(words: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from typer import Option
 
-from rsvideo.cli.options import ReadoutDirection
+from rsvideo.cli.options import Way
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,6 +38,9 @@ Camera = Annotated[
 ]
 Readout = Annotated[str | None, Option(metavar="TIME", help="Rows times row time; 0 is a global shutter. [default: the profile's]")]
 RowTime = Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")]
+ReadoutDirection = Annotated[
+    Way | None, Option(help="The way the readout runs over the picture as stored. [default: the profile's, or top-to-bottom]")
+]
 GyroLog = Annotated[Path | None, Option(metavar="LOG", help="Motion recorded as lines `t_ns wx wy wz` in rad/s.")]
 Start = Annotated[float, Option(metavar="S", help="When the frame opens, in seconds from the first line of --gyro.")]
 GyroAxes = Annotated[

@@ -1,17 +1,18 @@
 """rsvideo validate and rsvideo schema: what a job's file may say, and whether it does."""
 
-import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Option
 
+from rsvideo.cli.exit_codes import refusing
+
 Sets = Annotated[
     list[str] | None,
-    Option("--set", metavar="SECTION.KEY=VALUE", help="Over what the file says, for all clips: camera.exposure=1/100."),
+    Option("--set", metavar="SECTION.KEY=VALUE", help="Over what the file says, for all it lists: camera.exposure=1/100."),
 ]
 
 
@@ -19,14 +20,26 @@ def validate(
     path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="A file for rsvideo run.")],
     sets: Sets = None,
 ) -> None:
-    """Check a job's file and print which source becomes which result; the clips are not opened (run --dry-run does that)."""
+    """Check a job's file and print which source becomes which result; they are not opened (run --dry-run does that)."""
     with refusing():
         from rsvideo.batch import plan
 
         batch = plan.read(path, sets or ())
-    for request in batch.requests:
-        print(f"{request.job.source}\t{request.job.output}")
-    print(f"rsvideo: {path} is valid: {len(batch.requests)} clip{'s' * (len(batch.requests) != 1)}", file=sys.stderr)
+    requests = [item.request for item in batch.items]
+    for request in requests:
+        print(f"{request.source}\t{request.output}")
+    print(f"rsvideo: {path} is valid: {counted([request.is_clip for request in requests])}", file=sys.stderr)
+
+
+def counted(clips: Sequence[bool]) -> str:
+    """How many clips and photographs there are, `clips` saying of each whether it is a clip."""
+    numbers = {"clip": sum(clips), "photograph": len(clips) - sum(clips)}
+    return " and ".join(some(number, kind) for kind, number in numbers.items() if number)
+
+
+def some(number: int, thing: str) -> str:
+    """1 clip, 2 clips."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
 def schema() -> None:
@@ -36,22 +49,3 @@ def schema() -> None:
     from rsvideo.batch.job import JobFile
 
     print(json.dumps(JobFile.model_json_schema(), indent=1))
-
-
-@contextlib.contextmanager
-def refusing() -> Iterator[None]:
-    """Every fault of a request becomes one line, and the exit code of a wrong request."""
-    from rsvideo.cli.exit_codes import RefusedError
-    from rsvideo.config.files import UnreadableError
-    from rsvideo.config.yaml import ConfigError
-
-    try:
-        yield
-    except UnreadableError:
-        raise
-    except ConfigError as error:
-        for fault in error.faults[:-1]:
-            print(f"rsvideo: {fault}", file=sys.stderr)
-        raise RefusedError(error.faults[-1]) from error
-    except ValueError as error:
-        raise RefusedError(str(error)) from error

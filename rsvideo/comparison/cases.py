@@ -1,6 +1,6 @@
 """A folder of cases with known truth, and how near each method comes to it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -11,10 +11,10 @@ from rsvideo.comparison.decoded import pictures
 from rsvideo.comparison.method_run import Attempt, Order, all_of
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.method import Method
+from rsvideo.config.request import Request
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
-from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.job import Job
+from rsvideo.progress import Observer, Progress, within
 from rsvideo.report import metrics
 from rsvideo.report.table import DOES_NOT_APPLY, Row, Table
 
@@ -22,8 +22,8 @@ MOST_CASES = 10_000
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _Said(BaseModel):
-    """What a case says of its rendering, as far as restoring needs it."""
+class _Shot(BaseModel):
+    """How a case was rendered, as far as restoring needs it."""
 
     exposure_s: _Positive
     row_time_s: Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -40,7 +40,7 @@ class Case(BaseModel):
     clip: bool
     source: Path
     truth: Path
-    said: _Said
+    shot: _Shot
 
 
 def find(folder: Path) -> list[Case]:
@@ -61,7 +61,7 @@ def find(folder: Path) -> list[Case]:
 
 def _case(path: Path) -> Case:
     try:
-        said = _Said.model_validate_json(read_whole(path, most=1_000_000))
+        shot = _Shot.model_validate_json(read_whole(path, most=1_000_000))
     except ValidationError as error:
         first = error.errors()[0]
         raise UnreadableError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
@@ -71,7 +71,7 @@ def _case(path: Path) -> Case:
         if not each.is_file():
             raise UnreadableError(f"{each} does not exist; a case holds its input and its truth")
     kind = "clips" if clip else home.name.rsplit("_", 1)[0]
-    return Case(name=home.name, kind=kind, clip=clip, source=source, truth=truth, said=said)
+    return Case(name=home.name, kind=kind, clip=clip, source=source, truth=truth, shot=shot)
 
 
 def scored(
@@ -82,20 +82,20 @@ def scored(
     most: int,
     resume: bool,
     quiet: bool,
-    show: Callable[[str, float], None],
+    observe: Observer,
 ) -> Table:
     """Carry every method out on every case into results/METHOD/NAME, and measure."""
     orders = {
-        (case.name, method): Order(job=_job(case, method, results / method / f"{case.name}{case.source.suffix}"))
+        (case.name, method): Order(request=_request(case, method, results / method / f"{case.name}{case.source.suffix}"))
         for case in cases
         for method in methods
         if case.clip or not method.needs_clip
     }
-    done = all_of(list(orders.values()), most=most, resume=resume, quiet=quiet, show=lambda stage, part: show(stage, 0.9 * part))
+    done = all_of(list(orders.values()), most=most, resume=resume, quiet=quiet, observe=within(observe, 0.0, 0.9))
     made = dict(zip(orders, done, strict=True))
     rows = []
     for n, case in enumerate(cases):
-        show(f"measuring {case.name}", 0.9 + 0.1 * n / len(cases))
+        observe(Progress(stage=f"measuring {case.name}", fraction=0.9 + 0.1 * n / len(cases)))
         psnr, why_not = {}, {}
         for method in methods:
             attempt = made.get((case.name, method))
@@ -115,15 +115,19 @@ def _psnr(attempt: Attempt, case: Case) -> float:
     return float(np.mean([metrics.psnr(ours.codes, truth.codes) for ours, truth in pairs]))
 
 
-def _job(case: Case, method: Method, output: Path) -> Job | ClipJob:
-    kind = ClipJob if case.clip else Job
-    return kind(
-        source=case.source,
-        output=output,
-        exposure=case.said.exposure_s,
-        row_time=case.said.row_time_s,
-        direction=case.said.direction,
-        focal_px=case.said.focal_px,
-        method=method,
-        overwrite=True,
+def _request(case: Case, method: Method, output: Path) -> Request:
+    shot = case.shot
+    return Request.model_validate(
+        {
+            "source": case.source,
+            "output": output,
+            "overwrite": True,
+            "camera": {
+                "exposure": shot.exposure_s,
+                "row_time": shot.row_time_s,
+                "direction": shot.direction,
+                "focal_px": shot.focal_px,
+            },
+            "deblur": {"method": method},
+        }
     )

@@ -3,7 +3,7 @@
 import math
 import os
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
@@ -19,9 +19,9 @@ from rsvideo.comparison.key_frames import Album
 from rsvideo.comparison.measuring import Measuring
 from rsvideo.comparison.method_run import Attempt
 from rsvideo.comparison.preflight import Box
+from rsvideo.config.request import Request
 from rsvideo.pipeline import processes
-from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.job import Job
+from rsvideo.progress import Observer, Progress
 from rsvideo.report.comparison import Comparison, Crop, Entry, FrameMeasures
 from rsvideo.video.mosaic import Grid, Mosaic
 
@@ -56,11 +56,9 @@ class _Video:
         return None if self._mosaic is None else self._mosaic.close()
 
 
-def compared(
-    job: Job | ClipJob, runs: Sequence[Attempt], *, truth: Path | None, crops: Sequence[Box], show: Callable[[str, float], None]
-) -> Comparison:
-    """Decode what the methods made of the job's source, all at once, and measure it; each file is read once."""
-    source = decoded.source(job)
+def compared(request: Request, runs: Sequence[Attempt], *, truth: Path | None, crops: Sequence[Box], observe: Observer) -> Comparison:
+    """Decode what the methods made of the request's source, all at once, and measure it; each file is read once."""
+    source = decoded.source(request)
     entries = entry_pictures.opened(source, runs, truth)
     count, scale = source.last - source.first, key_frames.scale(source.rows, source.cols)
     wanted = key_frames.chosen(count, len(entries), source.rows * source.cols * scale**2)
@@ -68,14 +66,14 @@ def compared(
     with ThreadPoolExecutor(processes.cores()) as pool:
         measured, album = Measuring(entries, pool), Album(len(wanted), scale, pool)
         for n, (index, pictures) in enumerate(entry_pictures.lined_up(entries, source)):
-            show(f"measuring frame {index}", n / count)
+            observe(Progress(stage=f"measuring frame {index}", fraction=n / count))
             residuals = measuring.residuals(entries, index, pictures) if n in wanted else {}
             measured.add(index, source.times[n], pictures, residuals)
             video.add(pictures)
             if n in wanted:
                 records = {entry.name: entry.records[index] for entry in entries if entry.name in pictures and index in entry.records}
                 album.add(index, source.times[n], pictures, records, residuals)
-    return _gathered(job.source, truth, source, _entries(entries, runs, measured.of_entry), album, video, crops)
+    return _gathered(request.source, truth, source, _entries(entries, runs, measured.of_entry), album, video, crops)
 
 
 def _gathered(

@@ -10,11 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from rsvideo.config.media import is_clip
+from rsvideo.config.request import Request
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
-from rsvideo.pipeline import clip_job
-from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.job import Job
+from rsvideo.pipeline.clip_facts import frame_range
 from rsvideo.report import metrics
 from rsvideo.stills import still
 from rsvideo.stills.still import Still
@@ -60,17 +59,18 @@ def pictures(path: Path) -> Iterator[DecodedPicture]:
     return iter([_of_still(still.read(path))])
 
 
-def source(job: Job | ClipJob) -> Source:
-    """The source of a job, opened once: a photograph is decoded, a clip is probed; raises UnreadableError."""
-    return _photograph(job) if isinstance(job, Job) else _clip(job)
+def source(request: Request) -> Source:
+    """The source of a request, opened once: a photograph is decoded, a clip is probed; raises UnreadableError."""
+    return _clip(request) if request.is_clip else _photograph(request)
 
 
-def _photograph(job: Job) -> Source:
-    photograph = still.read(job.source, job.transfer)
+def _photograph(request: Request) -> Source:
+    transfer = request.camera.transfer
+    photograph = still.read(request.source, transfer)
     rows, cols = photograph.pixels.shape[:2]
 
     def of_file(path: Path) -> Iterator[DecodedPicture]:
-        yield _of_still(still.read(path, job.transfer))
+        yield _of_still(still.read(path, transfer))
 
     return Source(
         kind="still",
@@ -88,20 +88,21 @@ def _photograph(job: Job) -> Source:
     )
 
 
-def _clip(job: ClipJob) -> Source:
-    stream = decode.probe(job.source, job.pictures_a_second, on_damage=job.on_damage)
-    first, last = clip_job.span(job, stream)
+def _clip(request: Request) -> Source:
+    transfer, rate, on_damage = request.camera.transfer, request.input.frame_rate, request.input.on_damage
+    stream = decode.probe(request.source, rate, on_damage=on_damage)
+    first, last = frame_range(stream, request.input.range)
     turns = stream.rotation // 90
 
     def part(other: Stream, begin: int, end: int) -> Iterator[DecodedPicture]:
-        return _of_clip(other, begin, end, transfer=job.transfer, on_damage=job.on_damage, turns=turns)
+        return _of_clip(other, begin, end, transfer=transfer, on_damage=on_damage, turns=turns)
 
     def of_result(path: Path) -> Iterator[DecodedPicture]:
-        result = decode.probe(path, job.pictures_a_second, on_damage=job.on_damage)
+        result = decode.probe(path, rate, on_damage=on_damage)
         return part(result, 0, result.frames)
 
     def of_truth(path: Path) -> Iterator[DecodedPicture]:
-        truth = decode.probe(path, job.pictures_a_second, on_damage=job.on_damage)
+        truth = decode.probe(path, rate, on_damage=on_damage)
         return part(truth, *((first, last) if truth.frames == stream.frames else (0, truth.frames)))
 
     return Source(

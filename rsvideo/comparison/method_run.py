@@ -4,35 +4,36 @@ import contextlib
 import json
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.config.request import Request
 from rsvideo.pipeline import deblur, fingerprint, processes
-from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.job import Job
+from rsvideo.pipeline.prepare import prepare
+from rsvideo.progress import Observer, Progress
 
-_EVERY = 0.1  # seconds between two words about the work
+_EVERY = 0.1  # seconds between two reports on the work
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Order:
-    """A job that one method is to carry out."""
+    """A request that one method is to carry out."""
 
-    job: Job | ClipJob
+    request: Request
 
     @property
     def method(self) -> str:
         """Its name."""
-        return str(self.job.method)
+        return str(self.request.deblur.method)
 
     @property
     def note(self) -> Path:
         """Where it is written down what became of it."""
-        return self.job.output.with_name(self.job.output.name + ".attempt.json")
+        return self.request.output.with_name(self.request.output.name + ".attempt.json")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,14 +58,14 @@ def kept(order: Order) -> Attempt | None:
     """What an earlier run came to, if that was the same request to the same program, and its result is still there."""
     try:
         held = json.loads(order.note.read_text(encoding="utf-8"))
-        if held.pop("fingerprint") != _fingerprint(order) or not order.job.output.exists():
+        if held.pop("fingerprint") != _fingerprint(order) or not order.request.output.exists():
             return None
-        return Attempt(method=order.method, output=order.job.output, **{**held, "notes": tuple(held["notes"])})
+        return Attempt(method=order.method, output=order.request.output, **{**held, "notes": tuple(held["notes"])})
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, show: Callable[[str, float], None]) -> Iterator[Attempt]:
+def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, observe: Observer) -> Iterator[Attempt]:
     """Carry the orders out, `most` at a time, and hand over what each came to as it ends; whoever stops listening ends them all."""
     waiting, running = list(orders), dict[Connection, tuple[Order, BaseProcess]]()
     done = 0
@@ -73,7 +74,7 @@ def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, show
         while waiting or running:
             while waiting and len(running) < most:
                 order = waiting.pop(0)
-                order.job.output.parent.mkdir(parents=True, exist_ok=True)
+                order.request.output.parent.mkdir(parents=True, exist_ok=True)
                 order.note.unlink(missing_ok=True)
                 connection, child = processes.started(_serve, order, threads=threads, quiet=quiet)
                 running[connection] = order, child
@@ -81,44 +82,47 @@ def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, show
                 assert isinstance(connection, Connection)
                 order, child = running[connection]
                 try:
-                    said = connection.recv()
+                    answer = connection.recv()
                 except (EOFError, OSError):
                     fault = f"its process {processes.death(child)}"
-                    said = Attempt(method=order.method, output=order.job.output, seconds=0.0, peak_bytes=0, fault=fault)
-                if not isinstance(said, Attempt):
-                    show(f"{order.method}: {said[0]}", (done + said[1]) / len(orders))
+                    answer = Attempt(method=order.method, output=order.request.output, seconds=0.0, peak_bytes=0, fault=fault)
+                if isinstance(answer, Progress):
+                    observe(Progress(stage=f"{order.method}: {answer.stage}", fraction=(done + answer.fraction) / len(orders)))
                     continue
                 _ended(connection, child)
                 del running[connection]
                 done += 1
-                if said.fault is None:
-                    said = replace(said, output=order.job.output)
-                    note = {name: value for name, value in asdict(said).items() if name not in ("method", "output")}
-                    write_whole({order.note: json.dumps({**note, "fingerprint": _fingerprint(order)}).encode()})
-                yield said
+                if answer.fault is None:
+                    answer = replace(answer, output=order.request.output)
+                    _note(order, answer)
+                yield answer
     finally:
         for connection, (_, child) in running.items():
             child.kill()
             _ended(connection, child)
 
 
-def all_of(
-    orders: Sequence[Order], *, most: int = 1, resume: bool = True, quiet: bool = True, show: Callable[[str, float], None]
-) -> list[Attempt]:
+def all_of(orders: Sequence[Order], *, most: int = 1, resume: bool = True, quiet: bool = True, observe: Observer) -> list[Attempt]:
     """What each order comes to, in their order; those that were carried out before are taken over with `resume`."""
     done = {order: attempt for order in orders if resume and (attempt := kept(order)) is not None}
     missing = [order for order in orders if order not in done]
-    by_output = {order.job.output: order for order in missing}
-    for attempt in attempts(missing, most=most, quiet=quiet, show=show):
+    by_output = {order.request.output: order for order in missing}
+    for attempt in attempts(missing, most=most, quiet=quiet, observe=observe):
         done[by_output[attempt.output]] = attempt
     return [done[order] for order in orders]
 
 
-def settled(job: Job | ClipJob) -> Job | ClipJob:
-    """Answer every question that a job leaves, without doing it, and what took work to find for good; raises as `prepare` does."""
+def settled(request: Request) -> Request:
+    """Answer every question that a request leaves, without doing it, and what took work to find for good; raises as `prepare` does."""
     with tempfile.TemporaryDirectory() as name:
-        task = deblur.prepare(replace(job, output=Path(name) / job.output.name, overwrite=True))
-    return replace(job, gyro=task.job.gyro)
+        task = prepare(request.replaced(output=Path(name) / request.output.name, overwrite=True))
+    return request.replaced(motion=task.request.motion)
+
+
+def _note(order: Order, attempt: Attempt) -> None:
+    """Write down what became of an order, for a later run."""
+    values = {name: value for name, value in asdict(attempt).items() if name not in ("method", "output")}
+    write_whole({order.note: json.dumps({**values, "fingerprint": _fingerprint(order)}).encode()})
 
 
 def _ended(connection: Connection, child: BaseProcess) -> None:
@@ -132,35 +136,35 @@ def _serve(connection: Connection, order: Order) -> None:
     """What a process does all its life."""
     last = -_EVERY
 
-    def observe(stage: str, fraction: float) -> None:
+    def observe(at: Progress) -> None:
         nonlocal last
         if (now := time.monotonic()) - last >= _EVERY:
             last = now
-            connection.send((stage, fraction))
+            connection.send(at)
 
     connection.send(carried_out(order, observe))
 
 
-def carried_out(order: Order, observe: Callable[[str, float], None]) -> Attempt:
+def carried_out(order: Order, observe: Observer) -> Attempt:
     """What the method comes to in this process."""
     begun, notes, fault = time.perf_counter(), (), None
     try:
-        task = deblur.prepare(replace(order.job, overwrite=True))
+        task = prepare(order.request.replaced(overwrite=True))
         notes = (*task.notes, *deblur.carry_out(task, observe).notes)
     except Exception as error:
         fault = error
     return Attempt(
         method=order.method,
-        output=order.job.output,
+        output=order.request.output,
         seconds=time.perf_counter() - begun,
         peak_bytes=_peak(),
-        fault=None if fault is None else _told(fault),
+        fault=None if fault is None else _fault(fault),
         unreadable=isinstance(fault, UnreadableError),
         notes=notes,
     )
 
 
-def _told(error: Exception) -> str:
+def _fault(error: Exception) -> str:
     words = " ".join(str(error).split())
     match error:
         case MemoryError():
@@ -185,4 +189,4 @@ def _peak() -> int:
 
 
 def _fingerprint(order: Order) -> str:
-    return fingerprint.of_values({"request": fingerprint.of_request(order.job), "source": fingerprint.of_source(order.job.source)})
+    return fingerprint.of_values({"request": fingerprint.of_request(order.request), "source": fingerprint.of_source(order.request.source)})

@@ -7,8 +7,7 @@ from rsvideo.comparison import decoded, method_run
 from rsvideo.comparison.decoded import Source
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_pattern
-from rsvideo.pipeline.clip_job import ClipJob
-from rsvideo.pipeline.job import Job
+from rsvideo.config.request import Request
 from rsvideo.stills import still
 from rsvideo.video import decode
 
@@ -16,12 +15,12 @@ Box = tuple[int, int, int, int]  # x, y, width and height in pixels of the pictu
 _SMALLEST_CROP = 8  # px a side; less cannot be recognised
 
 
-def settled(jobs: Sequence[Job | ClipJob], truth: Path | None, crops: Sequence[Box]) -> list[Job | ClipJob]:
-    """The jobs, with every question answered before the work; raises ValueError or UnreadableError for what cannot be."""
-    first = jobs[0]
+def settled(requests: Sequence[Request], truth: Path | None, crops: Sequence[Box]) -> list[Request]:
+    """The requests, with every question answered before the work; raises ValueError or UnreadableError for what cannot be."""
+    first = requests[0]
     if not first.source.exists() and not is_pattern(first.source):
         raise UnreadableError(f"{first.source} does not exist; is its name mistyped?")
-    answered = [method_run.settled(job) for job in jobs]
+    answered = [method_run.settled(request) for request in requests]
     if truth is not None or crops:
         source = decoded.source(first)
         if truth is not None:
@@ -30,14 +29,14 @@ def settled(jobs: Sequence[Job | ClipJob], truth: Path | None, crops: Sequence[B
     return answered
 
 
-def _check_truth(job: Job | ClipJob, source: Source, truth: Path) -> None:
+def _check_truth(request: Request, source: Source, truth: Path) -> None:
     """Refuse a truth that is of another size or length than the input."""
     rows, cols = source.stored
-    if isinstance(job, Job):
-        (their_rows, their_cols), frames = still.read(truth, job.transfer).pixels.shape[:2], 1
-    else:
-        stream = decode.probe(truth, job.pictures_a_second)
+    if request.is_clip:
+        stream = decode.probe(truth, request.input.frame_rate)
         their_rows, their_cols, frames = stream.rows, stream.cols, stream.frames
+    else:
+        (their_rows, their_cols), frames = still.read(truth, request.camera.transfer).pixels.shape[:2], 1
     if (rows, cols) != (their_rows, their_cols):
         raise ValueError(f"the truth must be of the input's size, {cols} x {rows}, {truth} is {their_cols} x {their_rows}")
     if frames not in (source.frames, source.last - source.first):

@@ -1,8 +1,11 @@
 """Photographs and clips, told apart by their names."""
 
 from pathlib import Path
+from typing import Literal
 
 CLIP_SUFFIXES = (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts", ".m2ts", ".mxf", ".3gp", ".mpg", ".mpeg")
+Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
+SEQUENCES = ("png", "tiff", "exr")  # codecs that write folders of pictures
 _NUMBERED = "#%*"  # marks of a pattern that stands for numbered pictures: frame_####.dng, frame_%04d.dng, frame_*.dng
 
 

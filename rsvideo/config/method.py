@@ -1,8 +1,6 @@
 """What can be done to a photograph or a clip, by name."""
 
 import enum
-from dataclasses import dataclass
-from pathlib import Path
 
 
 class Method(enum.StrEnum):
@@ -32,7 +30,7 @@ class Method(enum.StrEnum):
         return self.startswith("vidstab")
 
     @property
-    def recorded(self) -> bool:
+    def follows_gyro(self) -> bool:
         """Whether a gyroscope's log is needed."""
         return self.startswith("gyro")
 
@@ -45,18 +43,3 @@ class Method(enum.StrEnum):
     def needs_clip(self) -> bool:
         """Whether the motion is seen between frames."""
         return self.rectifies or self.steadied
-
-
-@dataclass(frozen=True, kw_only=True)
-class GyroFile:
-    """What is said of a gyroscope's log; None leaves it to the file, and to how the picture moves."""
-
-    path: Path | None = None  # None: embedded in the clip
-    offset: float | None = None  # s, what the clip's time becomes the log's by adding
-    axes: str | None = None  # the gyroscope's along the camera's right, down and forward; small letters for the opposite sense
-
-
-def check_gyro(said: GyroFile, method: Method) -> None:
-    """Refuse words about a log that no one reads."""
-    if said != GyroFile() and not method.recorded:
-        raise ValueError(f"a gyroscope's log is read by the methods {Method.GYRO} and {Method.GYRO_REFINE}, not by {method}")

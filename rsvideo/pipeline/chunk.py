@@ -6,21 +6,20 @@ who restores which chunk.
 
 import hashlib
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel
 
-from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
-from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import FrameResult, Verdict
-from rsvideo.pipeline import methods, output
-from rsvideo.pipeline.clip_job import ClipTask
-from rsvideo.progress import Observer
+from rsvideo.pipeline import clip_frames, methods, output
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord
+from rsvideo.pipeline.prepare import Task
+from rsvideo.progress import Observer, Progress
 from rsvideo.restoration.movement import Movement
 from rsvideo.shooting import given_motion as motion_file
 from rsvideo.video import colour, cuts, decode, planes, vidstab
@@ -31,28 +30,14 @@ MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
 WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
 
 
-@dataclass(frozen=True, kw_only=True)
-class Chunk:
-    """Frames first to last, both included, restored with `warm_up` frames before them in view."""
-
-    index: int
-    first: int
-    last: int
-    warm_up: int
-
-
-class ChunkRecord(BaseModel):
-    """A chunk that was restored: the files that hold its frames, and a line on what became of each."""
-
-    pictures: str
-    frames: str
-    sha256: dict[str, str]  # of both, by their names
-
-
-def chunks(task: ClipTask) -> list[Chunk]:
+def chunks(task: Task) -> list[Chunk]:
     """The clip cut at its changes of scene, and long scenes into equal parts; depends on the clip alone."""
     longest = max(8, min(LONGEST, MOST_BYTES // task.picture_bytes))
-    scenes = [task.first, *(() if task.job.method is Method.NONE else cuts.cuts(task.pictures(), task.stream.colour)), task.last]
+    scenes = [
+        task.first,
+        *(() if task.request.deblur.method is Method.NONE else cuts.cuts(clip_frames.pictures(task), task.stream.colour)),
+        task.last,
+    ]
     out: list[Chunk] = []
     for begin, end in pairwise(scenes):
         edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()
@@ -60,13 +45,13 @@ def chunks(task: ClipTask) -> list[Chunk]:
     return out
 
 
-def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str, float], None]) -> ChunkRecord:
-    """Restore a chunk into a file of `folder`."""
+def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
+    """Restore a chunk into a file of `folder`; `observe` gets how much of each frame is done."""
     begin, end = chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, task.last)
-    pictures = list(task.pictures(begin, end))
-    if task.job.method.steadied:
+    pictures = list(clip_frames.pictures(task, begin, end))
+    if task.request.deblur.method.steadied:
         pictures = _steadied(task, pictures, folder)
-    moving = _movement(task, pictures, lambda at: observe(at.frame or 0, at.stage, at.fraction))
+    moving = _movement(task, pictures, observe)
     mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
     wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
     record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
@@ -84,53 +69,39 @@ def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str
     return record
 
 
-def told(records: Iterable[ChunkRecord], folder: Path) -> Iterator[FrameRecord]:
-    """What became of the frames, one after the other; raises UnreadableError."""
-    for record in records:
-        path = folder / record.frames
-        try:
-            with path.open("rb") as file:
-                for line in file:
-                    yield FrameRecord.model_validate_json(line)
-        except (OSError, ValueError) as error:
-            raise UnreadableError(f"{path} is damaged: {error}") from error
-
-
-def _steadied(task: ClipTask, pictures: list[Picture], folder: Path) -> list[Picture]:
+def _steadied(task: Task, pictures: list[Picture], folder: Path) -> list[Picture]:
     """vid.stab's frames in place of the clip's; whoever comes first makes them, for all chunks."""
     whole = folder / "vidstab.mkv"
     if not whole.exists():
         with tempfile.TemporaryDirectory(dir=folder) as name:
-            vidstab.stabilised(task.job.source, Path(name) / whole.name, Path(name)).replace(whole)
+            vidstab.stabilised(task.request.source, Path(name) / whole.name, Path(name)).replace(whole)
     stream = decode.probe(whole)
     steady = decode.pictures(stream, pictures[0].index, pictures[-1].index + 1)
     laid = (colour.relaid(picture, stream.colour, replace(task.stream.colour, transfer=stream.colour.transfer)) for picture in steady)
     return [replace(before, planes=after.planes) for before, after in zip(pictures, laid, strict=True)]
 
 
-def _results(
-    task: ClipTask, pictures: list[Picture], moving: Movement, observe: Callable[[int, str, float], None]
-) -> Iterator[FrameResult]:
+def _results(task: Task, pictures: list[Picture], moving: Movement, observe: Observer) -> Iterator[FrameResult]:
     """What becomes of each picture, in order."""
     for damaged, some in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
         indices = list(some)
-        frames = (task.frame(pictures[k]) for k in indices)
-        if damaged or task.job.method is Method.NONE:
+        frames = (clip_frames.frame(task.stream, pictures[k]) for k in indices)
+        if damaged or task.request.deblur.method is Method.NONE:
             verdict = Verdict.DAMAGED if damaged else Verdict.UNTOUCHED
             for frame in frames:
                 yield methods.untouched(task.treatment, frame, verdict)
-                observe(frame.index, "passed on", 1.0)
+                observe(Progress(stage="passed on", fraction=1.0, frame=frame.index))
         else:
             part = moving.part(indices[0], indices[-1] + 1)
-            yield from methods.run(task.treatment, frames, part, lambda at: observe(at.frame or 0, at.stage, at.fraction))
+            yield from methods.run(task.treatment, frames, part, observe)
 
 
-def _movement(task: ClipTask, pictures: Sequence[Picture], observe: Observer) -> Movement:
+def _movement(task: Task, pictures: Sequence[Picture], observe: Observer) -> Movement:
     """The motion within each frame, and from each to the next."""
     camera = task.camera.intrinsics
-    if task.job.trajectory is not None:
-        ways, steps = motion_file.of_clip(task.job.trajectory, task.timing, camera, [(p.index, p.time) for p in pictures])
+    if task.request.motion.trajectory is not None:
+        ways, steps = motion_file.of_clip(task.request.motion.trajectory, task.timing, camera, [(p.index, p.time) for p in pictures])
         tied = [step is not None for step in steps]
         return Movement(within=[*ways], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
     begins = np.array([p.time for p in pictures])
-    return methods.movement(task.treatment, (task.frame(p) for p in pictures), begins, observe)
+    return methods.movement(task.treatment, (clip_frames.frame(task.stream, p) for p in pictures), begins, observe)

@@ -1,31 +1,42 @@
-"""A photograph or a clip, whichever was asked for; what is slow to load is loaded when it is needed."""
+"""A task carried out, of a photograph or of a clip: at once, or in pieces that may be done by several processes.
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+What is slow to load is loaded when it is needed.
+"""
 
-from rsvideo.pipeline import job as photograph
-from rsvideo.pipeline.job import Job, Task
+from pathlib import Path
+from types import ModuleType
 
-if TYPE_CHECKING:
-    from rsvideo.pipeline import clip, still
-    from rsvideo.pipeline.clip_job import ClipJob, ClipTask
-
-
-def prepare(job: "Job | ClipJob") -> "Task | ClipTask":
-    """Answer every question that a job leaves; raises ValueError, UnreadableError or FileExistsError."""
-    if isinstance(job, Job):
-        return photograph.prepare(job)
-    from rsvideo.pipeline import clip_job
-
-    return clip_job.prepare(job)
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome
+from rsvideo.pipeline.prepare import Task
+from rsvideo.progress import Observer
 
 
-def carry_out(task: "Task | ClipTask", observe: Callable[[str, float], None]) -> "still.Outcome | clip.Outcome":
-    """Restore and write; `observe` is told the stage, and how much of the whole is done."""
-    if isinstance(task, Task):
-        from rsvideo.pipeline import still
+def carry_out(task: Task, observe: Observer) -> Outcome:
+    """Restore and write, in this process."""
+    return _kind(task).carry_out(task, observe)
 
-        return still.carry_out(task, observe)
-    from rsvideo.pipeline import clip
 
-    return clip.carry_out(task, observe)
+def chunks(task: Task) -> list[Chunk]:
+    """The pieces that are restored one by one; depend on the source and the request alone."""
+    return _kind(task).chunks(task)
+
+
+def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
+    """Restore a piece into files of `folder`; `observe` gets how much of each frame is done."""
+    return _kind(task).work(task, chunk, folder, observe)
+
+
+def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
+    """Write the result from its pieces, and what goes beside it."""
+    return _kind(task).finish(task, records, folder)
+
+
+def _kind(task: Task) -> ModuleType:
+    """The module that reads and writes a source of this kind."""
+    if task.request.is_clip:
+        from rsvideo.pipeline import clip
+
+        return clip
+    from rsvideo.pipeline import photograph
+
+    return photograph

@@ -3,16 +3,12 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rsvideo.config.files import sha256
-
-if TYPE_CHECKING:
-    from rsvideo.pipeline.clip_job import ClipJob
-    from rsvideo.pipeline.job import Job
+from rsvideo.config.request import Request, option_fields
 
 WHOLE = 64_000_000  # bytes; of larger files, and in folders, the size, the time of the last change and both ends are taken
 _END = 4_000_000
@@ -29,12 +25,14 @@ def of_source(path: Path) -> str:
     return sha256(path) if path.stat().st_size <= WHOLE else _ends(path, _END)
 
 
-def of_request(job: "Job | ClipJob") -> str:
+def of_request(request: Request) -> str:
     """Of all that steers the work, and of the program; files by what they hold, not by where they are."""
-    asked = {name: value for name, value in asdict(job).items() if name not in ("source", "output", "overwrite")}
-    files = {"trajectory": job.trajectory, "gyro_path": job.gyro.path, "camera": None if job.camera is None else Path(job.camera)}
-    held = {name: sha256(path) if path is not None and path.is_file() else path for name, path in files.items()}
-    return of_values({**asked, "gyro": (job.gyro.offset, job.gyro.axes), **held, "rsvideo": version("rsvideo")})
+    stated = request.model_dump(mode="json", exclude={"source", "output", "overwrite"})
+    for each in option_fields():
+        value = request.value(each)
+        if each.option.is_file and value is not None and Path(value).is_file():
+            stated[each.section][each.name] = sha256(Path(value))
+    return of_values({**stated, "rsvideo": version("rsvideo")})
 
 
 def of_values(values: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.baselines import gyro
-from rsvideo.config.method import GyroFile
+from rsvideo.config.request import Motion
 from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.gyro import GyroLog
@@ -53,10 +53,10 @@ class Gyro:
         return gyro.refined(self.log, run, offset=self.offset, axes=self.axes)
 
 
-def read(said: GyroFile, source: Path, timing: ShutterTiming) -> Recorded:
+def read(stated: Motion, source: Path, timing: ShutterTiming) -> Recorded:
     """The log; raises UnreadableError, or ValueError where there is none."""
-    if said.path is not None:
-        return gyro_log.read(said.path, timing)
+    if stated.gyro is not None:
+        return gyro_log.read(stated.gyro, timing)
     try:
         return Recorded(log=gyroscope.embedded(source), offset=None)
     except UnavailableError as error:
@@ -64,11 +64,11 @@ def read(said: GyroFile, source: Path, timing: ShutterTiming) -> Recorded:
 
 
 def placed(
-    said: GyroFile, found: Recorded, frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings
+    stated: Motion, found: Recorded, frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings
 ) -> Gyro:
-    """The log laid along a clip; what neither the user nor the file says is found from the first LOOKED_AT of its `frames`."""
-    offset = found.offset if said.offset is None else said.offset
-    axes = said.axes or ("XYZ" if found.offset is not None else None)
+    """The log laid along a clip; what neither the request nor the file states is found from the first LOOKED_AT of its `frames`."""
+    offset = found.offset if stated.gyro_offset is None else stated.gyro_offset
+    axes = stated.gyro_axes or ("XYZ" if found.offset is not None else None)
     if offset is not None and axes is not None:
         return Gyro(log=found.log, offset=offset, axes=axes, note=f"gyroscope: offset {offset:.4g} s, axes {axes}")
     run = clip_motion.gather(frames, Camera(timing=timing, intrinsics=intrinsics), settings, blur=False)
@@ -80,10 +80,10 @@ def placed(
     return Gyro(log=found.log, offset=at.offset, axes=at.axes, note=note)
 
 
-def of_photograph(said: GyroFile, source: Path, timing: ShutterTiming) -> Gyro:
+def of_photograph(stated: Motion, source: Path, timing: ShutterTiming) -> Gyro:
     """The log of one frame, of which nothing can be found from how the picture moves."""
-    found = read(said, source, timing)
-    offset = found.offset if said.offset is None else said.offset
+    found = read(stated, source, timing)
+    offset = found.offset if stated.gyro_offset is None else stated.gyro_offset
     if offset is None:
-        raise ValueError(f"--gyro-offset must say at which of its seconds {said.path} the first row of {source} opens")
-    return Gyro(log=found.log, offset=offset, axes=said.axes or "XYZ", note="")
+        raise ValueError(f"--gyro-offset must say at which of its seconds {stated.gyro} the first row of {source} opens")
+    return Gyro(log=found.log, offset=offset, axes=stated.gyro_axes or "XYZ", note="")

@@ -1,14 +1,22 @@
 """What photographs and clips share on their way out: where they may be written, and the record of a frame."""
 
+import json
 import tempfile
 from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
+from pydantic import JsonValue
 
 from rsvideo.config import sidecar
 from rsvideo.frame import FrameResult
+
+if TYPE_CHECKING:
+    from rsvideo.pipeline.prepare import Task
 
 _DIGITS = 5  # of the values of a PSF, whose sum is 1
 
@@ -28,6 +36,23 @@ def check(source: Path, files: Sequence[Path], *, overwrite: bool) -> None:
     for path in files:
         if path.exists() and not overwrite:
             raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
+
+
+def settings_record(
+    task: "Task", transfer: str, *, input_sha256: str | None = None, encoding: dict[str, JsonValue] | None = None
+) -> sidecar.Settings:
+    """All that steered the work, for the sidecar; `transfer` is the name of the codes' curve."""
+    trajectory = task.request.motion.trajectory
+    return sidecar.Settings(
+        rsvideo=version("rsvideo"),
+        camera=task.camera,
+        direction=task.timing.direction,
+        transfer=transfer,
+        trajectory_from=None if trajectory is None else str(trajectory),
+        restoration=json.loads(json.dumps(asdict(task.settings))),
+        input_sha256=input_sha256,
+        encoding=encoding or {},
+    )
 
 
 def frame_record(result: FrameResult, to_next: np.ndarray | None = None) -> sidecar.FrameRecord:

@@ -23,8 +23,8 @@ def cores() -> int:
 
 def threads(most: int) -> int:
     """For each of `most` processes: its share of the cores, or what the caller has chosen, if that is less."""
-    share, said = max(1, cores() // most), os.environ.get("NUMBA_NUM_THREADS", "")
-    return min(share, max(1, int(said))) if said.isdecimal() else share
+    share, chosen = max(1, cores() // most), os.environ.get("NUMBA_NUM_THREADS", "")
+    return min(share, max(1, int(chosen))) if chosen.isdecimal() else share
 
 
 def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool) -> tuple[Connection, BaseProcess]:
@@ -44,7 +44,7 @@ def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool)
 
 
 def death(process: BaseProcess) -> str:
-    """How a process ended that has said nothing more; one that goes on all the same is killed."""
+    """How a process ended that has reported nothing more; one that goes on all the same is killed."""
     process.join(5)
     process.kill()
     process.join()

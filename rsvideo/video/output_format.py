@@ -2,15 +2,13 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import av
 
+from rsvideo.config.media import SEQUENCES, Codec
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import sequence
 from rsvideo.video.stream import Colour, Matrix, Stream, planar
-
-Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
 
 ENCODERS = {"h264": "libx264", "hevc": "libx265", "prores": "prores_ks", "dnxhr": "dnxhd", "ffv1": "ffv1"}
 _SAME = {"h264": "h264", "hevc": "hevc", "prores": "prores", "dnxhd": "dnxhr", "ffv1": "ffv1", "png": "png", "tiff": "tiff", "exr": "exr"}
@@ -20,7 +18,6 @@ CONTAINERS = {
     ".mov": ("mov", ("h264", "hevc", "prores", "dnxhr")),
     ".mkv": ("matroska", tuple(ENCODERS)),
 }
-SEQUENCES = ("png", "tiff", "exr")
 
 
 @dataclass(frozen=True, kw_only=True)

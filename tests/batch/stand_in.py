@@ -18,71 +18,25 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal
-
-from pydantic import BaseModel
 
 import rsvideo.pipeline
 from rsvideo.config.files import UnreadableError, write_whole
-from rsvideo.config.method import GyroFile, Method
-from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.config.request import Request
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome
+from rsvideo.progress import Observer, Progress
 
 CHUNK = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClipJob:
-    """As in rsvideo.pipeline.clip_job."""
+class Task:
+    """As in rsvideo.pipeline.prepare."""
 
-    source: Path
-    output: Path
-    exposure: float | None
-    shutter_angle: float | None
-    readout: float | None
-    row_time: float | None
-    scanlines_total: int | None
-    direction: Direction | None
-    camera: str | None
-    focal_px: float | None
-    transfer: str | None
-    trajectory: Path | None
-    method: Method
-    block_rows: int | None
-    gyro: GyroFile
-    steering: Mapping[str, Any]
-    encoding: Mapping[str, Any]
-    path: Literal["keep", "smooth"]
-    span: tuple[float, float] | None
-    side_by_side: bool
-    on_damage: Literal["fail", "passthrough", "skip"]
-    rate: str | None
-    force: bool
-    overwrite: bool
-
-    @property
-    def record(self) -> Path:
-        return self.output.with_suffix(".rsvideo.json")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Chunk:
-    """As in rsvideo.pipeline.chunk."""
-
-    index: int
-    first: int
-    last: int
-    warm_up: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClipTask:
-    """As in rsvideo.pipeline.clip_job."""
-
-    job: ClipJob
+    request: Request
     data: bytes
     timing: ShutterTiming
     timing_source: str = "exposure explicit, readout explicit"
@@ -98,73 +52,57 @@ class ClipTask:
         return 2.0 * self.frames, 1_000_000 * self.frames
 
 
-class ChunkRecord(BaseModel):
-    """As in rsvideo.pipeline.chunk."""
-
-    pictures: str
-    sha256: dict[str, str]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """As in rsvideo.pipeline.clip."""
-
-    notes: tuple[str, ...]
-    restored: int
-    left: int
-    failed: int
-    seconds: float
-
-
-def prepare(job: ClipJob) -> ClipTask:
-    if job.exposure is None:
+def prepare(request: Request) -> Task:
+    camera = request.camera
+    if camera.exposure is None:
         raise ValueError("exposure must be given, it is not in the file")
-    data = job.source.read_bytes()
+    data = request.source.read_bytes()
     if data.startswith(b"BAD"):
-        raise UnreadableError(f"{job.source} is damaged")
-    for path in (job.output, job.output.with_suffix(".rsvideo.json")):
-        if path.exists() and not job.overwrite:
+        raise UnreadableError(f"{request.source} is damaged")
+    for path in (request.output, request.record):
+        if path.exists() and not request.overwrite:
             raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
-    return ClipTask(job=job, data=data, timing=ShutterTiming.from_readout(exposure=job.exposure, readout=job.readout or 0, rows=48))
+    timing = ShutterTiming.from_readout(exposure=camera.exposure, readout=camera.readout or 0, rows=48)
+    return Task(request=request, data=data, timing=timing)
 
 
-def chunks(task: ClipTask) -> list[Chunk]:
+def chunks(task: Task) -> list[Chunk]:
     starts = range(0, task.frames, CHUNK)
     return [Chunk(index=n, first=i, last=min(i + CHUNK, task.frames) - 1, warm_up=min(i, 2)) for n, i in enumerate(starts)]
 
 
-def work(task: ClipTask, chunk: Chunk, folder: Path, observe: Callable[[int, str, float], None]) -> ChunkRecord:
+def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
     if tally := os.environ.get("TALLY"):
         with Path(tally).open("a") as file:
-            file.write(f"{task.job.source.name} {chunk.index}\n")
+            file.write(f"{task.request.source.name} {chunk.index}\n")
     once = Path(os.environ.get("KILLED_ONCE", "/"))
-    if os.environ.get("KILLED") == f"{task.job.source.name} {chunk.index}" or not once.exists():
+    if os.environ.get("KILLED") == f"{task.request.source.name} {chunk.index}" or not once.exists():
         once.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    if os.environ.get("HELD") == f"{task.job.source.name} {chunk.index}":
+    if os.environ.get("HELD") == f"{task.request.source.name} {chunk.index}":
         time.sleep(60)
-    if os.environ.get("CHANGED") == task.job.source.name:
-        task.job.source.write_bytes(task.data.upper())
+    if os.environ.get("CHANGED") == task.request.source.name:
+        task.request.source.write_bytes(task.data.upper())
     if os.environ.get("FULL") == str(chunk.index):
         raise OSError(errno.ENOSPC, "No space left on device", str(folder / "chunk.part"))
     value, made = 0, bytearray()
     for frame in range(chunk.first - chunk.warm_up, chunk.last + 1):
-        observe(frame, "motion", 0.5)
+        observe(Progress(stage="motion", fraction=0.5, frame=frame))
         time.sleep(float(os.environ.get("PACE", "0")))
         if task.data[frame] == ord("!"):
-            raise UnreadableError(f"{task.job.source} is damaged at frame {frame}")
+            raise UnreadableError(f"{task.request.source} is damaged at frame {frame}")
         value = (31 * value + task.data[frame]) % 251
         if frame >= chunk.first:
             made.append(value)
     name = f"{chunk.index:05}.bytes"
     write_whole({folder / name: bytes(made)})
-    return ChunkRecord(pictures=name, sha256={name: hashlib.sha256(made).hexdigest()})
+    return ChunkRecord(pictures=name, frames=name, sha256={name: hashlib.sha256(made).hexdigest()})
 
 
-def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
+def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
     made = b"".join((folder / record.pictures).read_bytes() for record in records)
-    write_whole({task.job.output: made, task.job.record: repr(sorted(task.job.steering.items())).encode()})
-    if os.environ.get("ORPHANED") == task.job.source.name:
+    write_whole({task.request.output: made, task.request.record: repr(task.request.stated()).encode()})
+    if os.environ.get("ORPHANED") == task.request.source.name:
         Path(os.environ["TALLY"]).write_text(f"{os.getpid()}")
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(60)
@@ -172,7 +110,7 @@ def finish(task: ClipTask, records: list[ChunkRecord], folder: Path) -> Outcome:
     return Outcome(notes=("timecode is dropped",), restored=len(made) - failed, left=0, failed=failed, seconds=1.5)
 
 
-core = {"clip_job": (ClipJob, ClipTask, prepare), "chunk": (Chunk, ChunkRecord, chunks, work), "clip": (Outcome, finish)}
+core = {"prepare": (Task, prepare), "deblur": (chunks, work, finish)}
 for name, held in core.items():  # in the workers too, which import this file by its path
     module = ModuleType(f"rsvideo.pipeline.{name}")
     vars(module).update({each.__name__: each for each in held})

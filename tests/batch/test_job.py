@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from rsvideo.batch.job import JobFile, Treatment, said, understood
+from rsvideo.batch.job import Clip, JobFile, overrides, parsed
 from rsvideo.config import yaml
+from rsvideo.config.request import Sections
 from rsvideo.config.yaml import ConfigError
 from rsvideo.physics.shutter import Direction
 
@@ -18,9 +19,13 @@ def understand(tmp_path: Path) -> Understand:
     def from_text(text: str) -> JobFile:
         path = tmp_path / "job.yaml"
         path.write_text(text)
-        return understood(*yaml.load(path))
+        return parsed(*yaml.load(path))
 
     return from_text
+
+
+def treatment(job: JobFile, clip: Clip, given: Sections | None = None) -> Sections:
+    return Sections.layered(job.sections(clip, given or Sections()))
 
 
 def test_a_clip_may_be_just_its_name(understand: Understand) -> None:
@@ -76,7 +81,7 @@ def test_a_clip_goes_over_its_preset_the_preset_over_defaults_and_the_command_li
         "presets: {p: {camera: {focal_px: 1100, direction: bottom-to-top}, motion: {degree: 5}}}\n"
         "clips: [{source: a, preset: p, motion: {degree: 6, start: tracing}}]\n"
     )
-    treated = job.treatment(job.clips[0], said(["motion.start=kernels", "camera.force=true"]))
+    treated = treatment(job, job.clips[0], overrides(["motion.start=kernels", "camera.force=true"]))
     assert (treated.camera.exposure, treated.camera.focal_px, treated.camera.direction) == (0.02, 1100, Direction.BOTTOM_TO_TOP)
     assert (treated.motion.degree, treated.motion.start, treated.deblur.prior, treated.camera.force) == (6, "kernels", "tv", True)
 
@@ -86,7 +91,7 @@ def test_one_way_to_say_a_time_takes_the_place_of_another(understand: Understand
         "defaults: {camera: {exposure: 1/50, readout: 20ms}}\n"
         "clips: [{source: a, camera: {shutter_angle: 180, row_time: 10us}}, {source: b, camera: {scanlines_total: null}}]\n"
     )
-    first, second = (job.treatment(clip, Treatment()).camera for clip in job.clips)
+    first, second = (treatment(job, clip).camera for clip in job.clips)
     assert (first.exposure, first.shutter_angle, first.readout, first.row_time) == (None, 180, None, pytest.approx(1e-5))
     assert (second.exposure, second.readout) == (0.02, 0.02)
 
@@ -104,7 +109,7 @@ def test_one_way_to_say_a_time_takes_the_place_of_another(understand: Understand
 )
 def test_a_wrong_set_is_told_by_name(word: str, words: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        said([word])
+        overrides([word])
     assert words in str(caught.value)
 
 
@@ -117,7 +122,7 @@ def test_the_schema_knows_all_sections_and_forbids_others() -> None:
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_the_examples_are_understood(path: Path) -> None:
-    understood(*yaml.load(path))
+    parsed(*yaml.load(path))
 
 
 def test_there_are_examples() -> None:

@@ -11,6 +11,7 @@ EXAMPLES = [
     "calibration.boards.sheet.board",
     "calibration.intrinsics.measure.lens",
     "calibration.timing.measure.readout",
+    "calibration.timing.cannot_tell.CannotTell",
     "calibration.radiometry.measure.response",
     "calibration.profile.read",
     "calibration.profile.write",

@@ -2,20 +2,20 @@
 
 import os
 import time
-from types import SimpleNamespace
 
 import numpy as np
 
 from rsvideo.cli import main
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.trajectory import still as at_rest
+from rsvideo.progress import Progress
 from rsvideo.restoration import single_frame
 
 
 def restore(view, settings, *, trajectory, start, observe, **_) -> FrameResult:
     """Nothing is restored, but everything around it is real."""
     print("working", flush=True)
-    observe(SimpleNamespace(stage="half way", fraction=0.5))
+    observe(Progress(stage="half way", fraction=0.5))
     time.sleep(float(os.environ.get("DAWDLE", "0")))
     frame, timing = view.source, view.source_camera.timing
     return FrameResult(
@@ -28,5 +28,7 @@ def restore(view, settings, *, trajectory, start, observe, **_) -> FrameResult:
     )
 
 
-single_frame.restore = restore
-main()
+single_frame.restore = restore  # in the workers too, which import this file by its path
+
+if __name__ == "__main__":
+    main()

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from rsvideo.cli import app, asked, exit_codes
+from rsvideo.cli import app, exit_codes, options
 from rsvideo.comparison import method_run
-from rsvideo.config.method import Method
+from rsvideo.progress import ignore
 from tests.cli.forked import call
 from tests.pipeline.moving import Moving, encode, planes
 
@@ -57,10 +57,10 @@ def refused(*words: object) -> tuple[int, str]:
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Methods run here, one after the other: starting processes takes longer than what they do."""
 
-    def attempts(orders, *, most, quiet, show) -> Iterator[method_run.Attempt]:
+    def attempts(orders, *, most, quiet, observe) -> Iterator[method_run.Attempt]:
         for order in orders:
-            order.job.output.parent.mkdir(parents=True, exist_ok=True)
-            yield method_run.carried_out(order, show)
+            order.request.output.parent.mkdir(parents=True, exist_ok=True)
+            yield method_run.carried_out(order, observe)
 
     monkeypatch.setattr(method_run, "attempts", attempts)
 
@@ -90,11 +90,11 @@ def test_each_method_stands_in_the_report_and_a_failing_one_fails_alone(clip: Pa
 
 
 def test_what_was_done_is_taken_over_unless_the_request_has_changed(clip: Path, tmp_path: Path) -> None:
-    def order(**said) -> method_run.Order:
-        words = {"method": Method.NONE, "exposure": "1/50", "readout": "20ms", **said}
-        return method_run.Order(job=asked.job(clip, tmp_path / "none" / "clip.mp4", words))
+    def order(readout: str = "20ms") -> method_run.Order:
+        given = {"deblur.method": "none", "camera.exposure": "1/50", "camera.readout": readout}
+        return method_run.Order(request=options.request(clip, tmp_path / "none" / "clip.mp4", given))
 
-    (made,) = method_run.all_of([order()], show=lambda *_: None)
+    (made,) = method_run.all_of([order()], observe=ignore)
     assert made.fault is None
     taken = method_run.kept(order())
     assert taken == made

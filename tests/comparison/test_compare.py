@@ -8,7 +8,8 @@ import pytest
 
 from rsvideo.comparison import compare
 from rsvideo.comparison.method_run import Attempt
-from rsvideo.pipeline.job import Job
+from rsvideo.config.request import Request
+from rsvideo.progress import ignore
 from rsvideo.stills import still
 
 
@@ -20,8 +21,8 @@ def test_each_photograph_is_read_once(tmp_path: Path, monkeypatch: pytest.Monkey
     runs = [Attempt(method=name, output=files[name], seconds=1.0, peak_bytes=0) for name in ("uniform", "stitch")]
     read, opened = still.read, list[Path]()
     monkeypatch.setattr(still, "read", lambda path, *how: [opened.append(path), read(path, *how)][1])
-    job = Job(source=files["blurred"], output=tmp_path / "out.png")
-    found = compare.compared(job, runs, truth=files["truth"], crops=(), show=lambda *_: None)
+    request = Request(source=files["blurred"], output=tmp_path / "out.png")
+    found = compare.compared(request, runs, truth=files["truth"], crops=(), observe=ignore)
     assert [entry.name for entry in found.entries] == ["recorded", "uniform", "stitch", "truth"]
     assert sorted(opened) == sorted(files.values())
 

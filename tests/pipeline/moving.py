@@ -12,7 +12,6 @@ import skimage.data
 from av.audio.frame import AudioFrame
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
-from rsvideo.shooting.known_motion import COLUMNS
 
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro, tone
@@ -22,6 +21,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Rendering, render
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Spline, Trajectory, fit
+from rsvideo.shooting.given_motion import COLUMNS
 from rsvideo.stills.ffmpeg import fill
 from rsvideo.video import colour, decode
 from rsvideo.video.stream import Colour, Matrix, Picture

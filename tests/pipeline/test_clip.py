@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.config.method import GyroFile, Method
+from rsvideo.config.method import Method
+from rsvideo.config.request import Request, option_fields
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
-from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, ChunkRecord, chunks, told, work
-from rsvideo.pipeline.clip import Outcome, finish
-from rsvideo.pipeline.clip_job import ClipJob, ClipTask, prepare
+from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, work
+from rsvideo.pipeline.clip import finish
+from rsvideo.pipeline.pieces import ChunkRecord, Outcome, frame_records
+from rsvideo.pipeline.prepare import Task, prepare
+from rsvideo.progress import Progress
 from rsvideo.video import decode, vidstab
 from rsvideo.video.stream import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
@@ -23,15 +26,21 @@ from tests.video.clips import make, packets
 KNOWN = {"exposure": 0.02, "readout": 0.02, "focal_px": 192.0}
 
 
-def asked(source: Path, output: Path, **words: Any) -> ClipJob:
-    return ClipJob(source=source, output=output, **words)
+def asked(source: Path, output: Path, *, overwrite: bool = False, **words: Any) -> Request:
+    """A request by its fields' names, whatever section they are in."""
+    sections: dict[str, dict[str, Any]] = {}
+    for each in option_fields():
+        if each.name in words:
+            sections.setdefault(each.section, {})[each.name] = words.pop(each.name)
+    assert not words
+    return Request.model_validate({"source": source, "output": output, "overwrite": overwrite, **sections})
 
 
 def silent(*_: object) -> None:
     """Watch nothing."""
 
 
-def carried_out(task: ClipTask, folder: Path) -> tuple[Outcome, list[ChunkRecord]]:
+def carried_out(task: Task, folder: Path) -> tuple[Outcome, list[ChunkRecord]]:
     records = [work(task, chunk, folder, silent) for chunk in chunks(task)]
     return finish(task, records, folder), records
 
@@ -49,12 +58,12 @@ def test_a_profile_answers_for_lens_readout_and_tone(tmp_path: Path) -> None:
     )
     source = tmp_path / "a.mp4"
     make(source, rows=96, cols=160, frames=2)
-    task = prepare(asked(source, tmp_path / "b.mp4", exposure=0.01, camera=str(profile)))
+    task = prepare(asked(source, tmp_path / "b.mp4", exposure=0.01, profile=str(profile)))
     assert (task.camera.fx, task.camera.fy, task.camera.cx, task.camera.cy) == (120, 121, 31, 24)
     assert task.timing.readout == pytest.approx(0.024)
     assert task.timing.direction is Direction.BOTTOM_TO_TOP
     assert (task.stream.colour.transfer, task.stream.colour.saturation) == (Curve(light=(0.0, 0.25, 1.0)), 0.9)
-    over = prepare(asked(source, tmp_path / "b.mp4", exposure=0.01, camera=str(profile), transfer="s-log3", focal_px=99.0))
+    over = prepare(asked(source, tmp_path / "b.mp4", exposure=0.01, profile=str(profile), transfer="s-log3", focal_px=99.0))
     assert over.stream.colour.transfer is Transfer.SLOG3
     assert over.camera.source == "explicit"
 
@@ -84,13 +93,13 @@ def test_chunks_depend_on_the_clip_alone(tmp_path: Path) -> None:
     source = joined_scenes(tmp_path / "in.mkv", (20, 50))
     (tmp_path / "elsewhere").mkdir()
     one = chunks(prepare(asked(source, tmp_path / "out.mkv", **KNOWN)))
-    other = chunks(prepare(asked(source, tmp_path / "elsewhere" / "b.mp4", **KNOWN, encoding={"codec": "h264"}, path="smooth")))
+    other = chunks(prepare(asked(source, tmp_path / "elsewhere" / "b.mp4", **KNOWN, codec="h264", path="smooth")))
     assert one == other
 
 
 def test_a_range_is_cut_into_chunks_by_itself(tmp_path: Path) -> None:
     source = joined_scenes(tmp_path / "in.mkv", (20, 20))
-    task = prepare(asked(source, tmp_path / "out.mkv", **KNOWN, span=(0.5, 1.0)))
+    task = prepare(asked(source, tmp_path / "out.mkv", **KNOWN, range=(0.5, 1.0)))
     assert (task.first, task.last, task.frames) == (12, 24, 12)
     assert [(chunk.first, chunk.last, chunk.warm_up) for chunk in chunks(task)] == [(12, 19, 0), (20, 23, 0)]
 
@@ -98,7 +107,7 @@ def test_a_range_is_cut_into_chunks_by_itself(tmp_path: Path) -> None:
 def test_a_range_beyond_the_clip_is_refused(tmp_path: Path) -> None:
     source = joined_scenes(tmp_path / "in.mkv", (20,))
     with pytest.raises(ValueError, match=r"at least one frame of the clip's 0\.83"):
-        prepare(asked(source, tmp_path / "out.mkv", **KNOWN, span=(60.0, 120.0)))
+        prepare(asked(source, tmp_path / "out.mkv", **KNOWN, range=(60.0, 120.0)))
 
 
 @pytest.mark.parametrize(
@@ -107,9 +116,9 @@ def test_a_range_beyond_the_clip_is_refused(tmp_path: Path) -> None:
         ({"exposure": None}, "exposure"),
         ({"focal_px": None}, "focal-px"),
         ({"readout": 0.05}, "readout"),
-        ({"encoding": {"codec": "prores"}}, "ProRes must be written to .mov"),
+        ({"codec": "prores"}, "ProRes must be written to .mov"),
         ({"rate": "fast"}, "rate must be a number of frames a second"),
-        ({"steering": {"degree": 99}}, "degree must lie in"),
+        ({"degree": 99}, r"degree\n.*less than or equal to 12"),
     ],
 )
 def test_what_cannot_be_is_refused_before_any_work(tmp_path: Path, words: dict[str, Any], said: str) -> None:
@@ -149,7 +158,7 @@ def test_a_null_run_keeps_every_bit_time_and_packet(tmp_path: Path, layout: str)
     assert [int(t) * before.time_base for t in before.times] == [int(t) * after.time_base for t in after.times]
     assert packets(source, "audio") == packets(tmp_path / "out.mkv", "audio") != []
     assert (outcome.restored, outcome.left, outcome.failed) == (0, 8, 0)
-    assert {frame.verdict for frame in told(records, tmp_path)} == {"left as it was: no restoration was asked for"}
+    assert {frame.verdict for frame in frame_records(records, tmp_path)} == {"left as it was: no restoration was asked for"}
     assert not (tmp_path / "out.gcsv").exists()
 
 
@@ -182,57 +191,57 @@ def moving(tmp_path_factory: pytest.TempPathFactory) -> tuple[Moving, Path]:
     return first, encode(tmp_path_factory.mktemp("moving") / "in.mkv", pictures)
 
 
-def task_of(moving: tuple[Moving, Path], output: Path, **words: Any) -> ClipTask:
+def task_of(moving: tuple[Moving, Path], output: Path, **words: Any) -> Task:
     first, source = moving
     return prepare(asked(source, output, exposure=0.02, readout=0.02, focal_px=first.camera.fx, **words))
 
 
 def test_a_chunk_restored_twice_and_in_any_order_has_the_same_bytes(moving: tuple[Moving, Path], tmp_path: Path) -> None:
-    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"})
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv")
     cut = chunks(task)
     assert [(chunk.first, chunk.last) for chunk in cut] == [(0, 5), (6, 9)]
     folders = [tmp_path / name for name in ("one", "other")]
     for folder in folders:
         folder.mkdir()
     one = [work(task, chunk, folders[0], silent) for chunk in cut]
-    again = prepare(task.job)
+    again = prepare(task.request)
     other = [work(again, chunk, folders[1], silent) for chunk in reversed(cut)][::-1]
     for a, b in zip(one, other, strict=True):
         assert a.sha256[a.pictures] == b.sha256[b.pictures]
         assert (folders[0] / a.pictures).read_bytes() == (folders[1] / b.pictures).read_bytes()
-        for f, g in zip(told([a], folders[0]), told([b], folders[1]), strict=True):
+        for f, g in zip(frame_records([a], folders[0]), frame_records([b], folders[1]), strict=True):
             assert (f.index, f.to_next, f.trajectory, f.verdict) == (g.index, g.to_next, g.trajectory, g.verdict)
     assert ChunkRecord.model_validate_json(one[0].model_dump_json()) == one[0]
-    steps = [frame.to_next for frame in told(one[:1], folders[0])]
+    steps = [frame.to_next for frame in frame_records(one[:1], folders[0])]
     assert max(max(map(abs, step[:2])) for step in steps[:-1] if step) > 1
     assert steps[-1] is None  # nothing leads over a cut
 
 
 def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, Path], tmp_path: Path) -> None:
-    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, span=(0.0, 0.12))
-    told: list[tuple[int, str, float]] = []
-    work(task, chunks(task)[0], tmp_path, lambda *said: told.append(said))
-    assert {index for index, stage, _ in told if stage == "motion"} == {0, 1, 2}
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv", range=(0.0, 0.12))
+    reports: list[Progress] = []
+    work(task, chunks(task)[0], tmp_path, reports.append)
+    assert {at.frame for at in reports if at.stage == "motion"} == {0, 1, 2}
     for index in range(3):
-        mine = [fraction for i, stage, fraction in told if i == index and stage == "restoring"]
+        mine = [at.fraction for at in reports if at.frame == index and at.stage == "restoring"]
         assert mine == sorted(mine)
         assert mine[-1] == 1
 
 
 def test_a_chunk_looks_a_few_frames_ahead_but_not_over_the_end_of_a_range(moving: tuple[Moving, Path], tmp_path: Path) -> None:
     assert AHEAD >= 1
-    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, span=(0.0, 0.08))
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv", range=(0.0, 0.08))
     (chunk,) = chunks(task)
     record = work(task, chunk, tmp_path, silent)
-    assert [frame.index for frame in told([record], tmp_path)] == [0, 1]
+    assert [frame.index for frame in frame_records([record], tmp_path)] == [0, 1]
 
 
 def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: Path) -> None:
     given = moving[0].motion(tmp_path / "motion.csv")
-    task = task_of(moving, tmp_path / "out.mkv", steering={"prior": "tv"}, trajectory=given, span=(0.0, 0.16))
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv", trajectory=given, range=(0.0, 0.16))
     outcome, records = carried_out(task, tmp_path)
     assert outcome.restored + outcome.left == 4
-    said = json.loads(task.job.record.read_text())
+    said = json.loads(task.request.record.read_text())
     assert said["settings"]["trajectory_from"] == str(given)
     assert said["settings"]["transfer"] == "bt709"
     assert len(said["settings"]["input_sha256"]) == 64
@@ -240,7 +249,7 @@ def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: P
     assert [frame["time_s"] for frame in said["frames"]] == pytest.approx([0, 1 / 24, 2 / 24, 3 / 24], abs=1e-3)
     assert {frame["timing"]["source"] for frame in said["frames"]} == {task.timing_source}
     path = moving[0].path
-    for k, frame in enumerate(told(records, tmp_path)):
+    for k, frame in enumerate(frame_records(records, tmp_path)):
         t = np.array(frame.trajectory.t_s)
         true = path.at(t + frame.time_s) - path.at(np.array([frame.time_s + moving[0].timing.middle]))
         np.testing.assert_allclose(frame.trajectory.poses()[:, :2], true[:, :2], atol=0.3, err_msg=f"frame {k}")
@@ -261,8 +270,9 @@ def test_where_a_log_lies_along_the_clip_is_settled_once(tmp_path: Path) -> None
     moving = Moving(frames=3)
     source, log = moving.clip(tmp_path / "in.mkv"), moving.motion(tmp_path / "log.csv")
     words = {**KNOWN, "method": Method.GYRO}
-    task = prepare(asked(source, tmp_path / "out.mkv", gyro=GyroFile(path=log), **words))
-    assert task.job.gyro == GyroFile(path=log, offset=0.0, axes="XYZ")
-    assert prepare(task.job).job == task.job
+    task = prepare(asked(source, tmp_path / "out.mkv", gyro=log, **words))
+    motion = task.request.motion
+    assert (motion.gyro, motion.gyro_offset, motion.gyro_axes) == (log, 0.0, "XYZ")
+    assert prepare(task.request).request == task.request
     with pytest.raises(ValueError, match="must cover the clip"):
-        prepare(asked(source, tmp_path / "out.mkv", gyro=GyroFile(path=log, offset=9.0), **words))
+        prepare(asked(source, tmp_path / "out.mkv", gyro=log, gyro_offset=9.0, **words))

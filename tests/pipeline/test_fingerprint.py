@@ -5,21 +5,21 @@ from typing import Any
 
 import pytest
 
-from rsvideo.config.method import GyroFile, Method
+from rsvideo.config.method import Method
+from rsvideo.config.request import Request
 from rsvideo.pipeline import fingerprint
-from rsvideo.pipeline.clip_job import ClipJob
 
 
 def of(folder: Path, **words: Any) -> str:
-    return fingerprint.of_request(ClipJob(source=folder / "in.mp4", output=folder / "out.mp4", **words))
+    return fingerprint.of_request(Request(source=folder / "in.mp4", output=folder / "out.mp4", **words))
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        lambda file: {"trajectory": file},
-        lambda file: {"method": Method.GYRO, "gyro": GyroFile(path=file, offset=1.0)},
-        lambda file: {"camera": str(file)},
+        lambda file: {"motion": {"trajectory": file}},
+        lambda file: {"deblur": {"method": Method.GYRO}, "motion": {"gyro": file, "gyro_offset": 1.0}},
+        lambda file: {"camera": {"profile": str(file)}},
     ],
     ids=["trajectory", "gyro", "camera"],
 )
@@ -33,5 +33,5 @@ def test_files_count_by_what_they_hold(tmp_path: Path, words) -> None:
 
 
 def test_words_count_and_places_do_not(tmp_path: Path) -> None:
-    assert of(tmp_path) == of(tmp_path / "elsewhere", overwrite=True) != of(tmp_path, exposure=0.01)
-    assert of(tmp_path, gyro=GyroFile(offset=1.0)) != of(tmp_path, gyro=GyroFile(offset=2.0))
+    assert of(tmp_path) == of(tmp_path / "elsewhere", overwrite=True) != of(tmp_path, camera={"exposure": 0.01})
+    assert of(tmp_path, motion={"gyro_offset": 1.0}) != of(tmp_path, motion={"gyro_offset": 2.0})

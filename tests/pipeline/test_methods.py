@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsvideo.config.method import GyroFile, Method
+from rsvideo.config.method import Method
+from rsvideo.config.request import Motion
 from rsvideo.frame import Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.pipeline import gyro_alignment, methods, output
@@ -27,8 +28,10 @@ def moving() -> Moving:
 def treatment(method: Method, log: Path | None = None) -> Treatment:
     clip, settings, gyro = moving(), Settings(), None
     if log is not None:
-        said = GyroFile(path=clip.motion(log))
-        gyro = gyro_alignment.placed(said, gyro_alignment.read(said, log, clip.timing), clip.recorded, clip.timing, clip.camera, settings)
+        stated = Motion(gyro=clip.motion(log))
+        gyro = gyro_alignment.placed(
+            stated, gyro_alignment.read(stated, log, clip.timing), clip.recorded, clip.timing, clip.camera, settings
+        )
     return Treatment(
         method=method,
         settings=settings,
@@ -63,7 +66,7 @@ def gain(latent: np.ndarray, k: int) -> float:
     ],
 )
 def test_each_method_gives_every_frame_back_in_order(method: Method, least: float, tmp_path: Path) -> None:
-    asked = treatment(method, tmp_path / "motion.csv" if method.recorded else None)
+    asked = treatment(method, tmp_path / "motion.csv" if method.follows_gyro else None)
     begins, seen = moving().begins, []
     ways = methods.movement(asked, iter(moving().recorded), begins)
     results = list(methods.run(asked, iter(moving().recorded), ways, lambda at: seen.append(at.frame)))

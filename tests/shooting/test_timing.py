@@ -6,13 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsvideo.config.request import Camera
 from rsvideo.physics.shutter import Direction
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import Readout
-from rsvideo.shooting.timing import Asked, Known, readout_of, resolve
+from rsvideo.shooting.timing import Sources, readout_of, resolve
 
 TABLE = Readout(median=0.014, low=0.013, high=0.016, n=7, direction=Direction.TOP_TO_BOTTOM, mode="640 x 480 at 25 fps")
-KNOWN = Known(
+STATED = Sources(
     rows=480,
     cols=640,
     fps=25.0,
@@ -22,51 +23,51 @@ KNOWN = Known(
     table=TABLE,
     estimated_readout=Fact(value=0.015, source="estimate from the clip", within=(0.0145, 0.0155)),
 )
-NOTHING = Known(rows=480, cols=640, fps=25.0)
+NOTHING = Sources(rows=480, cols=640, fps=25.0)
 
 
-def without(*names: str) -> Known:
-    return replace(KNOWN, **dict.fromkeys(names))
+def without(*names: str) -> Sources:
+    return replace(STATED, **dict.fromkeys(names))
 
 
 @pytest.mark.parametrize(
-    ("asked", "missing", "readout", "source"),
+    ("camera", "missing", "readout", "source"),
     [
-        (Asked(readout=0.011), (), 0.011, "explicit"),
-        (Asked(row_time=1e-5), (), 0.0048, "explicit"),
-        (Asked(scanlines_total=600), (), 480 / (25 * 600), "frame rate and 600 total scanlines"),
-        (Asked(), (), 0.012, "GoPro's telemetry"),
-        (Asked(), ("readout",), 0.013, "the profile of Test 1"),
-        (Asked(), ("readout", "profile_readout"), 0.014, "public table, the median of 7 owners for 640 x 480 at 25 fps"),
-        (Asked(), ("readout", "profile_readout", "table"), 0.015, "estimate from the clip"),
-        (Asked(), ("readout", "profile_readout", "table", "estimated_readout"), 0.04, "frame rate"),
+        (Camera(readout=0.011), (), 0.011, "explicit"),
+        (Camera(row_time=1e-5), (), 0.0048, "explicit"),
+        (Camera(scanlines_total=600), (), 480 / (25 * 600), "frame rate and 600 total scanlines"),
+        (Camera(), (), 0.012, "GoPro's telemetry"),
+        (Camera(), ("readout",), 0.013, "the profile of Test 1"),
+        (Camera(), ("readout", "profile_readout"), 0.014, "public table, the median of 7 owners for 640 x 480 at 25 fps"),
+        (Camera(), ("readout", "profile_readout", "table"), 0.015, "estimate from the clip"),
+        (Camera(), ("readout", "profile_readout", "table", "estimated_readout"), 0.04, "frame rate"),
     ],
 )
-def test_the_first_source_that_answers_wins(asked: Asked, missing: tuple[str, ...], readout: float, source: str) -> None:
-    resolved = resolve(asked, without(*missing))
+def test_the_first_source_that_answers_wins(camera: Camera, missing: tuple[str, ...], readout: float, source: str) -> None:
+    resolved = resolve(camera, without(*missing))
     assert resolved.timing.readout == pytest.approx(readout)
     assert resolved.readout.source == source
     assert resolved.source == f"exposure: the clip's metadata; readout: {source}"
 
 
 def test_uncertainty_comes_along() -> None:
-    assert resolve(Asked(), without("readout")).readout.within == (0.0129, 0.0131)
-    assert resolve(Asked(), without("readout", "profile_readout")).readout.within == (0.013, 0.016)
+    assert resolve(Camera(), without("readout")).readout.within == (0.0129, 0.0131)
+    assert resolve(Camera(), without("readout", "profile_readout")).readout.within == (0.013, 0.016)
 
 
 @pytest.mark.parametrize(
-    ("asked", "exposure"), [(Asked(exposure=0.02), 0.02), (Asked(shutter_angle=90), 0.01), (Asked(shutter_angle=360), 0.04)]
+    ("camera", "exposure"), [(Camera(exposure=0.02), 0.02), (Camera(shutter_angle=90), 0.01), (Camera(shutter_angle=360), 0.04)]
 )
-def test_exposure_is_given_as_time_or_as_angle(asked: Asked, exposure: float) -> None:
-    assert resolve(asked, KNOWN).timing.exposure == pytest.approx(exposure)
+def test_exposure_is_given_as_time_or_as_angle(camera: Camera, exposure: float) -> None:
+    assert resolve(camera, STATED).timing.exposure == pytest.approx(exposure)
 
 
 def test_one_source_of_both_is_told_once() -> None:
-    assert resolve(Asked(exposure=0.02, readout=0.01), KNOWN).source == "explicit"
+    assert resolve(Camera(exposure=0.02, readout=0.01), STATED).source == "explicit"
 
 
 def test_the_frame_rate_alone_is_an_upper_bound_and_is_flagged() -> None:
-    resolved = resolve(Asked(exposure=0.02), NOTHING)
+    resolved = resolve(Camera(exposure=0.02), NOTHING)
     assert resolved.timing.readout == pytest.approx(1 / 25)
     assert resolved.readout.within == (0.0, 1 / 25)
     assert any("only its upper bound" in note and "--scanlines-total" in note for note in resolved.notes)
@@ -74,106 +75,106 @@ def test_the_frame_rate_alone_is_an_upper_bound_and_is_flagged() -> None:
 
 @given(st.integers(480, 2000), st.floats(1, 240))
 def test_stored_rows_and_delay_fill_the_period(total: int, fps: float) -> None:
-    timing = resolve(Asked(exposure=0.5 / fps, scanlines_total=total), replace(NOTHING, fps=fps)).timing
+    timing = resolve(Camera(exposure=0.5 / fps, scanlines_total=total), replace(NOTHING, fps=fps)).timing
     delay = (total - 480) * timing.row_time  # t_d of Forssen & Ringaby
     assert timing.readout + delay == pytest.approx(1 / fps)
 
 
 def test_sources_that_differ_are_told() -> None:
-    notes = resolve(Asked(), KNOWN).notes
+    notes = resolve(Camera(), STATED).notes
     assert notes == (
         "readout 12 ms by GoPro's telemetry, but 13 ms by the profile of Test 1",
         "readout 12 ms by GoPro's telemetry, but 14 ms by public table, the median of 7 owners for 640 x 480 at 25 fps",
         "readout 12 ms by GoPro's telemetry, but 15 ms by estimate from the clip",
     )
     vague = replace(TABLE, low=0.010)
-    assert all("public table" not in note for note in resolve(Asked(), replace(KNOWN, table=vague)).notes)
-    assert resolve(Asked(readout=0.02), KNOWN).notes == ()
+    assert all("public table" not in note for note in resolve(Camera(), replace(STATED, table=vague)).notes)
+    assert resolve(Camera(readout=0.02), STATED).notes == ()
 
 
 @pytest.mark.parametrize(
-    ("asked", "why"),
+    ("stated", "why"),
     [
         (
-            Asked(readout=0.0405),
+            {"readout": 0.0405},
             r"readout must be at most one frame's period, 40 ms at 25 fps, got 40.5 ms; is it in milliseconds|slowed down",
         ),
-        (Asked(readout=20.0), r"readout must lie in \[0, 1\] s, got 20 s; is it in milliseconds\?"),
-        (Asked(readout=0.9), r"readout must be at most one frame's period.*got 900 ms; is it in milliseconds\?"),
-        (Asked(readout=-0.01), r"readout must lie in"),
-        (Asked(readout=float("nan")), r"readout must lie in"),
-        (Asked(row_time=0.0157), r"row-time must let 480 rows be read in 1 s, got 0.0157 s a row; is it in milliseconds or microseconds\?"),
-        (Asked(row_time=-1e-5), r"row-time must let"),
-        (Asked(scanlines_total=479), r"scanlines-total must be at least the 480 that are stored, got 479"),
+        ({"readout": 20.0}, r"readout must lie in \[0, 1\] s, got 20 s; is it in milliseconds\?"),
+        ({"readout": 0.9}, r"readout must be at most one frame's period.*got 900 ms; is it in milliseconds\?"),
+        ({"readout": -0.01}, r"readout must not be negative"),
+        ({"readout": float("nan")}, r"readout must be a time"),
+        ({"row_time": 0.0157}, r"row-time must let 480 rows be read in 1 s, got 0.0157 s a row; is it in milliseconds or microseconds\?"),
+        ({"row_time": -1e-5}, r"row_time must not be negative"),
+        ({"scanlines_total": 479}, r"scanlines-total must be at least the 480 that are stored, got 479"),
         (
-            Asked(readout=0.01, row_time=1e-5),
+            {"readout": 0.01, "row_time": 1e-5},
             r"only one of --readout, --row-time, --scanlines-total may be given, got --readout and --row-time",
         ),
-        (Asked(exposure=0.02, shutter_angle=180), r"only one of --exposure and --shutter-angle"),
-        (Asked(exposure=0.041), r"exposure must be at most one frame's period"),
-        (Asked(exposure=20.0), r"exposure must lie in \(0, 1\] s, got 20 s; is it in milliseconds\?"),
-        (Asked(exposure=0.0), r"exposure must lie in"),
-        (Asked(shutter_angle=0), r"shutter-angle must lie in \(0, 360\] degrees, got 0"),
-        (Asked(shutter_angle=361), r"shutter-angle must lie in \(0, 360\] degrees, got 361"),
-        (Asked(shutter_angle=float("nan")), r"shutter-angle must lie in"),
+        ({"exposure": 0.02, "shutter_angle": 180}, r"only one of --exposure and --shutter-angle"),
+        ({"exposure": 0.041}, r"exposure must be at most one frame's period"),
+        ({"exposure": 20.0}, r"exposure must lie in \(0, 1\] s, got 20 s; is it in milliseconds\?"),
+        ({"exposure": 0.0}, r"exposure must lie in"),
+        ({"shutter_angle": 0}, r"shutter_angle must lie in \(0, 360\] degrees, got 0"),
+        ({"shutter_angle": 361}, r"shutter_angle must lie in \(0, 360\] degrees, got 361"),
+        ({"shutter_angle": float("nan")}, r"shutter_angle must lie in"),
     ],
 )
-def test_what_cannot_be_is_refused_with_the_likely_slip(asked: Asked, why: str) -> None:
+def test_what_cannot_be_is_refused_with_the_likely_slip(stated: dict[str, float], why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        resolve(asked, KNOWN)
+        resolve(Camera(**stated), STATED)
 
 
 def test_rounding_may_exceed_the_period_by_a_hundredth() -> None:
-    assert resolve(Asked(readout=0.0403, exposure=0.0403), KNOWN).timing.readout == pytest.approx(0.0403)
+    assert resolve(Camera(readout=0.0403, exposure=0.0403), STATED).timing.readout == pytest.approx(0.0403)
 
 
 def test_force_takes_times_beyond_the_period() -> None:
-    timing = resolve(Asked(readout=0.06, exposure=0.05, force=True), KNOWN).timing
+    timing = resolve(Camera(readout=0.06, exposure=0.05, force=True), STATED).timing
     assert (timing.readout, timing.exposure) == (pytest.approx(0.06), 0.05)
 
 
 def test_a_source_that_says_what_cannot_be_is_passed_over_with_a_note() -> None:
-    odd = replace(KNOWN, readout=Fact(value=20.6, source="GoPro's telemetry"))
-    resolved = resolve(Asked(), odd)
+    odd = replace(STATED, readout=Fact(value=20.6, source="GoPro's telemetry"))
+    resolved = resolve(Camera(), odd)
     assert resolved.readout.source == "the profile of Test 1"
     assert resolved.notes[0].startswith(
         "passed over what GoPro's telemetry says: readout must lie in [0, 1] s, got 20.6 s; is it in milliseconds?"
     )
-    slow = replace(KNOWN, exposure=Fact(value=0.5, source="EXIF"))
+    slow = replace(STATED, exposure=Fact(value=0.5, source="EXIF"))
     with pytest.raises(ValueError, match="exposure must be given"):
-        resolve(Asked(), slow)
+        resolve(Camera(), slow)
 
 
 def test_an_exposure_that_nobody_says_is_asked_for() -> None:
     with pytest.raises(ValueError, match=r"exposure must be given.*--shutter-angle 180"):
-        resolve(Asked(), NOTHING)
+        resolve(Camera(), NOTHING)
 
 
 def test_a_photograph_needs_a_readout() -> None:
-    photograph = Known(rows=480, cols=640, exposure=Fact(value=0.01, source="EXIF"))
+    photograph = Sources(rows=480, cols=640, exposure=Fact(value=0.01, source="EXIF"))
     with pytest.raises(ValueError, match="readout must be given"):
-        resolve(Asked(), photograph)
-    for asked in (Asked(scanlines_total=500), Asked(shutter_angle=180, readout=0.01)):
+        resolve(Camera(), photograph)
+    for camera in (Camera(scanlines_total=500), Camera(shutter_angle=180, readout=0.01)):
         with pytest.raises(ValueError, match="needs a frame rate, a photograph has none"):
-            resolve(asked, photograph)
-    assert resolve(Asked(readout=0.0), photograph).timing.row_time == 0
+            resolve(camera, photograph)
+    assert resolve(Camera(readout=0.0), photograph).timing.row_time == 0
 
 
 def test_a_sideways_readout_counts_columns() -> None:
-    resolved = resolve(Asked(readout=0.016, direction=Direction.LEFT_TO_RIGHT), KNOWN)
+    resolved = resolve(Camera(readout=0.016, direction=Direction.LEFT_TO_RIGHT), STATED)
     assert (resolved.timing.rows, resolved.timing.row_time) == (640, pytest.approx(25e-6))
     assert resolved.direction.source == "explicit"
 
 
 def test_the_direction_has_its_own_first_source() -> None:
     upwards = Fact(value=Direction.BOTTOM_TO_TOP, source="the profile of Test 1")
-    assert resolve(Asked(), KNOWN).direction == Fact(value=Direction.TOP_TO_BOTTOM, source="assumed")
-    assert resolve(Asked(), replace(KNOWN, profile_direction=upwards)).timing.direction is Direction.BOTTOM_TO_TOP
+    assert resolve(Camera(), STATED).direction == Fact(value=Direction.TOP_TO_BOTTOM, source="assumed")
+    assert resolve(Camera(), replace(STATED, profile_direction=upwards)).timing.direction is Direction.BOTTOM_TO_TOP
     downwards = Fact(value=Direction.TOP_TO_BOTTOM, source="metadata")
-    assert resolve(Asked(), replace(KNOWN, profile_direction=upwards, direction=downwards)).direction is downwards
+    assert resolve(Camera(), replace(STATED, profile_direction=upwards, direction=downwards)).direction is downwards
     table = replace(TABLE, direction=Direction.BOTTOM_TO_TOP)
-    assert resolve(Asked(), replace(KNOWN, table=table)).direction.source == "public table"
+    assert resolve(Camera(), replace(STATED, table=table)).direction.source == "public table"
 
 
 def test_nothing_is_asked_of_a_photograph_that_says_nothing() -> None:
-    assert readout_of(Asked(), Known(rows=4, cols=4)) == (None, ())
+    assert readout_of(Camera(), Sources(rows=4, cols=4)) == (None, ())

@@ -1,0 +1,76 @@
+"""One photograph, from file to file."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from rsvideo.config import sidecar
+from rsvideo.config.files import write_whole
+from rsvideo.config.sidecar import FrameRecord
+from rsvideo.frame import Frame, FrameResult, Verdict
+from rsvideo.pipeline import methods, output
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome, frame_records
+from rsvideo.pipeline.prepare import Task
+from rsvideo.progress import Observer
+from rsvideo.shooting import given_motion
+from rsvideo.stills import still
+from rsvideo.stills.still import Format
+
+
+def carry_out(task: Task, observe: Observer) -> Outcome:
+    """Restore the photograph, with a motion that is given or without, and write it with its sidecar."""
+    result = _restored(task, observe)
+    data, notes = _encoded(task, result)
+    return _written(task, data, output.frame_record(result), notes)
+
+
+def chunks(task: Task) -> list[Chunk]:  # noqa: ARG001 # as of a clip
+    """The one frame."""
+    return [Chunk(index=0, first=0, last=0, warm_up=0)]
+
+
+def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
+    """Restore the photograph into a file of `folder`."""
+    result = _restored(task, observe)
+    data, notes = _encoded(task, result)
+    line = output.frame_record(result).encode() + b"\n"
+    held = {f"{chunk.index:06}{task.request.output.suffix}": data, f"{chunk.index:06}.jsonl": line}
+    write_whole({folder / name: content for name, content in held.items()})
+    pictures, frames = held
+    return ChunkRecord(
+        pictures=pictures, frames=frames, sha256={name: hashlib.sha256(content).hexdigest() for name, content in held.items()}, notes=notes
+    )
+
+
+def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
+    """Put the restored photograph in its place, with its sidecar."""
+    (record,) = records
+    (frame,) = frame_records(records, folder)
+    return _written(task, (folder / record.pictures).read_bytes(), frame, record.notes)
+
+
+def _restored(task: Task, observe: Observer) -> FrameResult:
+    given = task.request.motion.trajectory
+    trajectory = None if given is None else given_motion.read(given, task.timing, task.camera.intrinsics)
+    frame = Frame(pixels=task.still.pixels, clipped=task.still.clipped)
+    return methods.photograph(task.treatment, frame, trajectory, observe)
+
+
+def _encoded(task: Task, result: FrameResult) -> tuple[bytes, tuple[str, ...]]:
+    """The picture's file, and what its format could not keep."""
+    kind = Format.of_output(task.request.output)
+    if result.verdict is not Verdict.RESTORED:
+        return still.unchanged(task.still, kind)
+    if not np.isfinite(result.latent).all():
+        raise ArithmeticError("the restored picture holds numbers that are not finite")
+    return still.encode(task.still, result.latent.astype(np.float32), kind)
+
+
+def _written(task: Task, data: bytes, frame: FrameRecord, notes: tuple[str, ...]) -> Outcome:
+    settings = output.settings_record(task, task.still.transfer.value)
+    record = sidecar.Sidecar(input=str(task.request.source), settings=settings, frames=[frame])
+    write_whole({task.request.output: data, task.request.record: record.encode()})
+    verdict = Verdict(frame.verdict)
+    restored = verdict is Verdict.RESTORED
+    return Outcome(notes=notes, restored=int(restored), left=int(not restored), seconds=frame.seconds, verdict=verdict)

@@ -1,0 +1,247 @@
+"""From a request to a task: every question that a request leaves open is answered before the work.
+
+A photograph is one frame without neighbours; what else differs is how it is opened (`take`, `clip_facts`).
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rsvideo.config import sidecar
+from rsvideo.config.files import UnreadableError
+from rsvideo.config.method import Method
+from rsvideo.config.request import Camera, Request
+from rsvideo.physics import camera as physics
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.pipeline import gyro_alignment, output, take
+from rsvideo.pipeline.gyro_alignment import Gyro
+from rsvideo.pipeline.methods import Treatment
+from rsvideo.pipeline.take import Take
+from rsvideo.restoration.settings import Settings
+from rsvideo.shooting import timing
+from rsvideo.stills.still import Format, Still
+
+if TYPE_CHECKING:
+    from rsvideo.video.output_format import Encoding
+    from rsvideo.video.stream import Stream
+
+SMALLEST = 32  # px a side; below, there is nothing to measure motion by
+_WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
+_SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
+_NO_SHUTTER = Camera(exposure=1e-3, readout=0.0)  # of the method none, which does not use it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Task:
+    """A request whose every question is answered."""
+
+    request: Request
+    source: "Still | Stream"
+    shutter: timing.Resolved
+    camera: sidecar.Camera
+    settings: Settings
+    gyro: Gyro | None
+    encoding: "Encoding | None"  # of a clip
+    first: int  # frames [first, last) are restored
+    last: int
+    notes: tuple[str, ...]  # what the user should know before the work
+
+    @property
+    def still(self) -> Still:
+        """The photograph."""
+        assert isinstance(self.source, Still)
+        return self.source
+
+    @property
+    def stream(self) -> "Stream":
+        """The clip."""
+        assert not isinstance(self.source, Still)
+        return self.source
+
+    @property
+    def timing(self) -> ShutterTiming:
+        """Of every frame."""
+        return self.shutter.timing
+
+    @property
+    def timing_source(self) -> str:
+        """Who stated it."""
+        return self.shutter.source
+
+    @property
+    def frames(self) -> int:
+        """How many are restored."""
+        return self.last - self.first
+
+    @property
+    def rows(self) -> int:
+        """As stored."""
+        return self.camera.rows
+
+    @property
+    def cols(self) -> int:
+        """As stored."""
+        return self.camera.cols
+
+    @property
+    def treatment(self) -> Treatment:
+        """What is done to the frames."""
+        return Treatment(
+            method=self.request.deblur.method,
+            settings=self.settings,
+            block_rows=self.request.deblur.block_rows,
+            gyro=self.gyro,
+            camera=physics.Camera(timing=self.timing, intrinsics=self.camera.intrinsics, noise=self.camera.sensor_noise),
+            timing_source=self.timing_source,
+        )
+
+    @property
+    def picture_bytes(self) -> int:
+        """Of a picture as decoded."""
+        if isinstance(self.source, Still):
+            return self.source.codes.samples.nbytes
+        from rsvideo.pipeline import clip_frames
+
+        return clip_frames.picture_bytes(self.source)
+
+    def estimate(self) -> tuple[float, int]:
+        """Seconds of work and bytes of disk while it lasts, roughly."""
+        pixels = self.frames * self.rows * self.cols
+        nothing = self.request.deblur.method is Method.NONE
+        return 0.0 if nothing else pixels * _SECONDS_A_PIXEL, self.frames * self.picture_bytes
+
+
+def prepare(request: Request) -> Task:
+    """Open the source and settle timing, camera and encoding; raises ValueError, UnreadableError or FileExistsError."""
+    _check(request)
+    opened = _opened(request)
+    rows, cols = opened.shutter.rows, opened.shutter.cols
+    if min(rows, cols) < SMALLEST:
+        raise UnreadableError(
+            f"{request.source} must be at least {SMALLEST} x {SMALLEST} px, it is {cols} x {rows};"
+            " so small a picture has nothing to measure motion by"
+        )
+    first, last, encoding, written = _frames_and_encoding(request, opened)
+    shutter = timing.resolve(_NO_SHUTTER if request.deblur.method is Method.NONE else request.camera, opened.shutter)
+    camera, lens_notes = _camera(request, opened)
+    settings = _settings(request)
+    gyro = _gyro(request, opened, (first, last), shutter.timing, camera.intrinsics, settings)
+    if gyro:  # which need not be looked for again
+        request = request.replaced(motion={"gyro_offset": gyro.offset, "gyro_axes": gyro.axes})
+    return Task(
+        request=request,
+        source=opened.source,
+        shutter=shutter,
+        camera=camera,
+        settings=settings,
+        gyro=gyro,
+        encoding=encoding,
+        first=first,
+        last=last,
+        notes=(*opened.notes, *shutter.notes, *lens_notes, *((gyro.note,) if gyro and gyro.note else ()), *written),
+    )
+
+
+def _check(request: Request) -> None:
+    """Refuse what can be refused before anything is read."""
+    method = request.deblur.method
+    if not request.is_clip:
+        taken = f"{request.source} is taken for a photograph"
+        if wrong := next(iter(request.of_clips()), None):
+            raise ValueError(f"{wrong.flag} concerns clips, {taken}; clips are .mp4, .mov, .mkv or folders")
+        Format.of_output(request.output)
+        if request.output.is_dir():
+            raise ValueError(f"OUTPUT must be a file, {request.output} is a folder")
+        if method.needs_clip:
+            raise ValueError(f"method {method} concerns clips, it sees the motion between frames; {taken}")
+    output.check(request.source, request.files, overwrite=request.overwrite)
+    if request.motion.states_gyro and not method.follows_gyro:
+        raise ValueError(f"a gyroscope's log is read by the methods {Method.GYRO} and {Method.GYRO_REFINE}, not by {method}")
+    if method.steadied:
+        from rsvideo.video import vidstab
+
+        if not vidstab.available():
+            raise ValueError(f"the method {method} needs imageio-ffmpeg; pip install 'rsvideo[vidstab]' brings it")
+
+
+def _opened(request: Request) -> Take:
+    if not request.is_clip:
+        return take.of_photograph(request)
+    from rsvideo.pipeline import clip_facts
+
+    return clip_facts.opened(request)
+
+
+def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Encoding | None, tuple[str, ...]]":
+    """Which frames are restored, and how they are written; a photograph is written as its name says."""
+    if isinstance(opened.source, Still):
+        return 0, 1, None, ()
+    from rsvideo.pipeline import clip_facts
+    from rsvideo.video.output_format import Encoding, chosen
+
+    first, last = clip_facts.frame_range(opened.source, request.input.range)
+    wanted = request.encoding
+    encoding = Encoding(codec=wanted.codec, quality=wanted.quality, pixel_format=wanted.pixel_format)
+    _, _, notes = chosen(request.output, opened.source, encoding)
+    return first, last, encoding, notes
+
+
+def _settings(request: Request) -> Settings:
+    motion, deblur = request.motion, request.deblur
+    return Settings(
+        motion=motion.model,
+        degree=motion.degree,
+        start=motion.start,
+        refinement=motion.refinement,
+        prior=deblur.prior,
+        frames=deblur.frames,
+    )
+
+
+def _camera(request: Request, opened: Take) -> tuple[sidecar.Camera, tuple[str, ...]]:
+    """The camera, and what to know of how it was found."""
+    rows, cols, notes = opened.shutter.rows, opened.shutter.cols, ()
+    longer = max(rows, cols)
+    shift = request.motion.model == "shift" and request.motion.trajectory is None
+    if request.camera.focal_px is not None:
+        focal, source = request.camera.focal_px, "explicit"
+        if focal < _WIDEST * longer:
+            raise ValueError(
+                f"focal-px must be at least {_WIDEST * longer:g} px for a picture whose longer side is {longer} px, got {focal:g};"
+                " is it in millimetres? pixels = millimetres * width of the picture in pixels / width of the sensor in millimetres"
+            )
+    elif opened.profile and opened.profile.intrinsics:
+        return sidecar.Camera.of(opened.profile.intrinsics, opened.profile.profile, opened.profile.noise), ()
+    elif opened.focal is not None:
+        focal, source, notes = opened.focal.value, opened.focal.source, opened.focal_notes
+    elif shift or not request.deblur.method.needs_lens:
+        focal, source = float(longer), "assumed"  # a shift does not depend on it
+    else:
+        raise ValueError(
+            f"focal-px must be given, {request.source} does not say its focal length, as EXIF's 35 mm equivalent does;"
+            " it is about 0.7 to 0.9 times the longer side for most phones, focal length / sensor's width * columns for cameras;"
+            " --motion shift does without"
+        )
+    noise = opened.profile.noise if opened.profile else None
+    return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source, noise), notes
+
+
+def _gyro(
+    request: Request, opened: Take, frames: tuple[int, int], timing: ShutterTiming, camera: Intrinsics, settings: Settings
+) -> Gyro | None:
+    """The gyroscope's log that the method follows, laid along the frames [first, last)."""
+    motion = request.motion
+    if not request.deblur.method.follows_gyro or motion.trajectory is not None:
+        return None
+    if isinstance(opened.source, Still):
+        if motion.gyro is None:
+            raise ValueError(f"the method {request.deblur.method} needs a gyroscope's log of a photograph; give --gyro")
+        return gyro_alignment.of_photograph(motion, request.source, timing)
+    from rsvideo.pipeline import clip_frames
+
+    stream, (first, last) = opened.source, frames
+    found = gyro_alignment.read(motion, request.source, timing)
+    shown = clip_frames.decoded(stream, first, min(last, first + gyro_alignment.LOOKED_AT), on_damage=request.input.on_damage)
+    placed = gyro_alignment.placed(motion, found, shown, timing, camera, settings)
+    placed.check_cover((stream.times[first:last] - stream.times[0]) * float(stream.time_base), timing)
+    return placed

@@ -1,0 +1,88 @@
+"""One way from a request to a task, for photographs and clips."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
+
+from rsvideo.config.request import Encoding, Request
+from rsvideo.physics.distortion import Distortion
+from rsvideo.physics.noise import Noise
+from rsvideo.pipeline.prepare import Task, prepare
+from rsvideo.restoration.settings import Settings
+from rsvideo.video import output_format
+from tests.video.clips import make
+
+GOOD: dict[str, Any] = {"exposure": 0.02, "readout": 0.02, "focal_px": 100}
+
+
+@pytest.fixture(params=["photograph", "clip"])
+def source(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """64 x 48 px."""
+    if request.param == "clip":
+        return make(tmp_path / "in.mp4", frames=2)
+    cv2.imwrite(str(tmp_path / "in.png"), np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8))
+    return tmp_path / "in.png"
+
+
+def task(source: Path, **sections: dict[str, Any]) -> Task:
+    output = source.with_name("out" + source.suffix)
+    return prepare(Request.model_validate({"source": source, "output": output, "camera": GOOD, **sections}))
+
+
+def test_a_request_that_states_nothing_has_the_cores_own_settings(source: Path) -> None:
+    found = task(source)
+    assert found.settings == Settings()
+    wanted = Encoding()
+    assert output_format.Encoding(codec=wanted.codec, quality=wanted.quality, pixel_format=wanted.pixel_format) == output_format.Encoding()
+    assert (found.rows, found.cols, found.timing_source, found.camera.source) == (48, 64, "explicit", "explicit")
+
+
+@pytest.mark.parametrize(
+    ("camera", "words"),
+    [
+        ({**GOOD, "focal_px": 4.2}, r"focal-px must be at least 12.8 px .* got 4.2; is it in millimetres\?"),
+        ({**GOOD, "readout": None, "row_time": 0.03}, r"row-time must let 48 rows be read in 1 s, got 0.03 s a row; is it in milliseconds"),
+        ({"readout": 0.02, "focal_px": 100}, "exposure must be given"),
+        ({"exposure": 0.02, "readout": 0.02}, r"focal-px must be given.*--motion shift does without"),
+    ],
+)
+def test_slips_of_the_unit_are_told_alike(source: Path, camera: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        task(source, camera=camera)
+
+
+def test_a_photographs_exif_is_a_source_among_others(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x8769] = {33434: IFDRational(1, 25), 41989: 28}
+    Image.fromarray(np.random.default_rng(0).integers(0, 256, (60, 80, 3), dtype=np.uint8)).save(tmp_path / "in.jpg", exif=exif)
+    found = task(tmp_path / "in.jpg", camera={"readout": 0.02})
+    assert (found.shutter.exposure.value, found.shutter.exposure.source) == (pytest.approx(0.04), "EXIF")
+    assert found.timing_source == "exposure: EXIF; readout: explicit"
+    assert found.camera.source == "EXIF"
+    assert any("35 mm equivalent of 28 mm" in note for note in found.notes)
+
+
+def test_an_exposure_in_exif_that_cannot_be_is_passed_over_aloud(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x8769] = {33434: IFDRational(30, 1)}
+    Image.fromarray(np.zeros((60, 80, 3), np.uint8)).save(tmp_path / "in.jpg", exif=exif)
+    with pytest.raises(ValueError, match=r"exposure must be given.*passed over what EXIF says: exposure must lie in \(0, 1\] s, got 30 s"):
+        task(tmp_path / "in.jpg", camera={"readout": 0.02, "focal_px": 100})
+
+
+def test_a_profiles_distortion_and_noise_reach_the_work(source: Path) -> None:
+    lens = "{fx: 60, fy: 60, cx: 31, cy: 24, distortion: {model: fisheye, coefficients: [0.1, 0, 0, 0]}}"
+    profile = source.with_name("mine.yaml")
+    profile.write_text(f"name: Mine\nmode: {{rows: 48, cols: 64}}\nintrinsics: {lens}\nnoise: {{read: 0.002, shot: 1e-4}}\n")
+    camera = {"exposure": 0.02, "readout": 0.02, "profile": str(profile)}
+    taken = task(source, camera=camera).treatment.camera
+    assert taken.intrinsics.distortion == Distortion(model="fisheye", coefficients=(0.1, 0, 0, 0))
+    assert taken.noise == Noise(read=0.002, shot=1e-4)
+    taken = task(source, camera={**camera, "focal_px": 100}).treatment.camera  # whose distortion is not known
+    assert taken.intrinsics.distortion is None
+    assert taken.noise == Noise(read=0.002, shot=1e-4)
