@@ -138,12 +138,12 @@ def _rivals(flicker: float, readout: float, sign: int | None, begins: np.ndarray
     for other in (flicker / 2, 2 * flicker):
         if not SHORTEST_S <= (slower := readout * flicker / other) <= longest:
             continue
-        looks_the_same = (
+        same_wander = (
             advance is None
             or sign is None
             or any(_apart(turn * advance * other / flicker, sign * advance) < _SAME_PHASE for turn in (1, -1))
         )
-        if looks_the_same:
+        if same_wander:
             rivals.append(f"{slower * 1e3:.4g} ms if it flickers at {other:g} Hz")
     alike = f" (at this frame rate lights {1 / float(np.median(np.diff(begins))):.4g} Hz apart look alike)" if advance is not None else ""
     return (f"the light is taken to flicker at {flicker:g} Hz{alike}; the readout is {' and '.join(rivals)}",) if rivals else ()

@@ -24,11 +24,11 @@ def from_table(camera: str, mode: str) -> ReadoutMeasurement:
     found = readout_table.typical(camera, rows=rows, cols=cols, fps=fps)
     if found is None:
         raise ValueError(f"the public table does not know {camera[:_SHOWN]!r}{meant(camera, readout_table.similar(camera))}")
-    spread_is_known = found.n >= _ENOUGH
-    between = f", nine of ten between {found.low * 1e3:.4g} and {found.high * 1e3:.4g} ms" if spread_is_known else ""
+    has_spread = found.n >= _ENOUGH
+    between = f", nine of ten between {found.low * 1e3:.4g} and {found.high * 1e3:.4g} ms" if has_spread else ""
     return ReadoutMeasurement(
         value=found.median,
-        std=(found.high - found.low) / (2 * _ONE_SIDED) if spread_is_known else None,
+        std=(found.high - found.low) / (2 * _ONE_SIDED) if has_spread else None,
         direction=found.direction,
         how=f"the {'median' if found.n > 1 else 'figure'} of {counted(found.n, 'owner')} for {found.mode}{between}",
         source=SOURCE,
