@@ -71,7 +71,7 @@ def test_a_profile_answers_for_lens_readout_and_tone(rsvideo_at_once: Run, photo
     assert record["settings"]["transfer"] == "measured"
     timing = record["frames"][0]["timing"]
     assert timing["row_time_s"] == pytest.approx(0.024 / 48)
-    assert timing["source"] == "exposure explicit, readout by the profile of Mine"
+    assert timing["source"] == "exposure: explicit; readout: the profile of Mine"
 
 
 def test_sideways_readout_counts_columns(rsvideo_at_once: Run, photograph: Path) -> None:

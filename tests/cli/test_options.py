@@ -7,7 +7,7 @@ import typer
 
 from rsvideo.cli import app, options
 from rsvideo.config.method import Method
-from rsvideo.config.request import Request, option_fields
+from rsvideo.config.request import Camera, Deblur, Encoding, Input, Motion, Request, option_fields
 
 
 def test_options_find_their_place_in_a_request() -> None:
@@ -24,11 +24,11 @@ def test_options_find_their_place_in_a_request() -> None:
     assert clip == Request(
         source=Path("a.mp4"),
         output=Path("b.mp4"),
-        input={"range": (1.0, 2.0)},
-        camera={"exposure": 0.02, "force": True},
-        motion={"gyro_offset": 0.0},
-        deblur={"method": Method.GYRO, "prior": "tv"},
-        encoding={"quality": 0.0},
+        input=Input(range=(1.0, 2.0)),
+        camera=Camera(exposure=0.02, force=True),
+        motion=Motion(gyro_offset=0.0),
+        deblur=Deblur(method=Method.GYRO, prior="tv"),
+        encoding=Encoding(quality=0.0),
     )
     assert clip.is_clip
     assert not options.request(Path("a.png"), Path("b.png"), {}).is_clip

@@ -23,7 +23,7 @@ from rsvideo.video.stream import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets
 
-KNOWN = {"exposure": 0.02, "readout": 0.02, "focal_px": 192.0}
+KNOWN: dict[str, Any] = {"exposure": 0.02, "readout": 0.02, "focal_px": 192.0}
 
 
 def asked(source: Path, output: Path, *, overwrite: bool = False, **words: Any) -> Request:

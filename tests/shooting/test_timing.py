@@ -121,7 +121,7 @@ def test_sources_that_differ_are_told() -> None:
 )
 def test_what_cannot_be_is_refused_with_the_likely_slip(stated: dict[str, float], why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        resolve(Camera(**stated), STATED)
+        resolve(Camera.model_validate(stated), STATED)
 
 
 def test_rounding_may_exceed_the_period_by_a_hundredth() -> None:
