@@ -47,7 +47,8 @@ class RequestCommand(TyperCommand):
     def _whole(self) -> Any:
         """The command with all of its options."""
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(context_settings=dict(self.context_settings))(_complete(getattr(self.callback, "__wrapped__")))  # noqa: B009 # within what typer made of it
+        own = getattr(self.callback, "__wrapped__")  # noqa: B009 # within what typer made of it
+        app.command(context_settings=dict(self.context_settings))(_complete(own))
         return typer.main.get_command(app)
 
     def get_params(self, ctx: Any) -> Any:

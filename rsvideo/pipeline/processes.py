@@ -15,6 +15,8 @@ from typing import Any
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _ONE_EACH = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # threads of libraries would multiply with numba's
 
+_SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # no module is taken from the current folder, where anything may lie
+
 
 def cores() -> int:
     """How many the system lets us use."""
@@ -35,8 +37,8 @@ def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool)
     signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
     patience = os.environ.get("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other
     try:
-        with _environment(NUMBA_NUM_THREADS=str(threads), OMP_WAIT_POLICY=patience, **dict.fromkeys(_ONE_EACH, "1")):
-            process.start()  # these are read once, when the libraries are first imported
+        with _environment(NUMBA_NUM_THREADS=str(threads), OMP_WAIT_POLICY=patience, **_SAFE_PATH, **dict.fromkeys(_ONE_EACH, "1")):
+            process.start()  # these are read once, when Python starts and when the libraries are first imported
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
     theirs.close()
