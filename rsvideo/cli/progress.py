@@ -11,7 +11,7 @@ from rsvideo.progress import Observer, Progress, ignore
 def progress_bar() -> Iterator[Observer]:
     """Shows the stage and how much of the whole work is done.
 
-    Nothing else is seen meanwhile: what is to be said is said before or afterwards.
+    Print nothing else meanwhile: say it before or afterwards.
     """
     with quiet.c_libraries() as terminal:
         if not terminal.isatty():

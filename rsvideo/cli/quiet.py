@@ -10,7 +10,7 @@ from typing import TextIO
 
 
 def wanted() -> bool:
-    """Whether the user has not asked to hear everything."""
+    """Whether the libraries are to be kept quiet: RSVIDEO_DEBUG is not set."""
     return os.environ.get("RSVIDEO_DEBUG") != "1"
 
 
@@ -25,7 +25,7 @@ def python_libraries() -> None:
 def c_libraries() -> Iterator[TextIO]:
     """Silence what libpng, libtiff and LibRaw print about a damaged file: the command says it in its own line.
 
-    What is to be seen meanwhile, such as a bar, is to be written to what this hands over.
+    Whatever must show meanwhile, such as a bar, is written to the stream that this yields.
     """
     if not wanted():
         yield sys.stderr

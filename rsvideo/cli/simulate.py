@@ -254,7 +254,7 @@ def _check_names(files: list[Path], source: Path, *, overwrite: bool) -> None:
 def _motion(
     gyro: Path | None, start: float, axes: str, polynomial: str | None, shake: bool, seed: int
 ) -> tuple["Motion", dict[str, object]]:
-    """The motion that the options choose, and what is to be said of it."""
+    """The motion that the options choose, and its words in case.json."""
     from rsvideo.config.files import UnreadableError, read_whole
     from rsvideo.physics import staging
     from rsvideo.physics.gyro import check_axes, parse

@@ -6,7 +6,7 @@ who restores which chunk.
 
 import hashlib
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -17,13 +17,14 @@ from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.pipeline import clip_frames, methods, output
+from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.restoration.movement import Movement
 from rsvideo.shooting import given_motion as motion_file
 from rsvideo.video import colour, cuts, decode, planes, vidstab
-from rsvideo.video.stream import Picture
+from rsvideo.video.stream import Colour, Picture
 
 LONGEST = 32  # frames of a chunk, and fewer of large pictures:
 MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
@@ -32,41 +33,53 @@ WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is fou
 
 def chunks(task: Task) -> list[Chunk]:
     """The clip cut at its changes of scene, and long scenes into equal parts; depends on the clip alone."""
-    longest = max(8, min(LONGEST, MOST_BYTES // task.picture_bytes))
-    scenes = [
-        task.first,
-        *(() if task.request.deblur.method is Method.NONE else cuts.cuts(clip_frames.pictures(task), task.stream.colour)),
-        task.last,
-    ]
+    scenes = () if task.request.deblur.method is Method.NONE else cuts.cuts(clip_frames.pictures(task), task.stream.colour)
+    return planned(task.first, task.last, scenes, task.picture_bytes)
+
+
+def planned(first: int, last: int, scenes: Iterable[int], picture_bytes: int) -> list[Chunk]:
+    """Frames first to last - 1, cut where another of the `scenes` begins, and long scenes into equal parts."""
+    longest = max(8, min(LONGEST, MOST_BYTES // picture_bytes))
     out: list[Chunk] = []
-    for begin, end in pairwise(scenes):
+    for begin, end in pairwise([first, *scenes, last]):
         edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()
         out += [Chunk(index=len(out) + n, first=a, last=b - 1, warm_up=min(WARM_UP, a - begin)) for n, (a, b) in enumerate(pairwise(edges))]
     return out
 
 
+def in_view(chunk: Chunk, last: int) -> tuple[int, int]:
+    """Frames [begin, end) that a chunk's motion is found with, of a clip that ends before frame `last`."""
+    return chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, last)
+
+
 def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
     """Restore a chunk into a file of `folder`; `observe` gets how much of each frame is done."""
-    begin, end = chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, task.last)
-    pictures = list(clip_frames.pictures(task, begin, end))
+    pictures = list(clip_frames.pictures(task, *in_view(chunk, task.last)))
     if task.request.deblur.method.steadied:
         pictures = _steadied(task, pictures, folder)
-    moving = _movement(task, pictures, observe)
-    mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
-    wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
+    moving = movement(task.treatment, pictures, task.stream.colour, task.request.motion.trajectory, observe)
     record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
     lines: list[bytes] = []
 
     def shown() -> Iterator[Picture]:
-        for k, (picture, result) in enumerate(zip(wanted, _results(task, wanted, moving, observe), strict=True)):
-            lines.append(output.frame_record(result, moving.steps[k] if moving.tied[k] else None).encode() + b"\n")
-            restored = result.verdict is Verdict.RESTORED
-            yield colour.codes(result.latent, picture, task.stream.colour) if restored else picture
+        for picture, result, to_next in restored(task.treatment, chunk, pictures, task.stream.colour, moving, observe):
+            lines.append(output.frame_record(result, to_next).encode() + b"\n")
+            yield colour.codes(result.latent, picture, task.stream.colour) if result.verdict is Verdict.RESTORED else picture
 
     record.sha256[record.pictures] = planes.write(folder / record.pictures, shown())
     write_whole({folder / record.frames: b"".join(lines)})
     record.sha256[record.frames] = hashlib.sha256(b"".join(lines)).hexdigest()
     return record
+
+
+def restored(
+    treatment: Treatment, chunk: Chunk, pictures: Sequence[Picture], meaning: Colour, moving: Movement, observe: Observer
+) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
+    """The chunk's own among the pictures in view, what becomes of each, and the step from its pose to the next one's."""
+    mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
+    wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
+    for k, (picture, result) in enumerate(zip(wanted, _results(treatment, wanted, meaning, moving, observe), strict=True)):
+        yield picture, result, moving.steps[k] if moving.tied[k] else None
 
 
 def _steadied(task: Task, pictures: list[Picture], folder: Path) -> list[Picture]:
@@ -81,27 +94,27 @@ def _steadied(task: Task, pictures: list[Picture], folder: Path) -> list[Picture
     return [replace(before, planes=after.planes) for before, after in zip(pictures, laid, strict=True)]
 
 
-def _results(task: Task, pictures: list[Picture], moving: Movement, observe: Observer) -> Iterator[FrameResult]:
+def _results(treatment: Treatment, pictures: list[Picture], meaning: Colour, moving: Movement, observe: Observer) -> Iterator[FrameResult]:
     """What becomes of each picture, in order."""
     for damaged, some in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
         indices = list(some)
-        frames = (clip_frames.frame(task.stream, pictures[k]) for k in indices)
-        if damaged or task.request.deblur.method is Method.NONE:
+        frames = (clip_frames.frame(meaning, pictures[k]) for k in indices)
+        if damaged or treatment.method is Method.NONE:
             verdict = Verdict.DAMAGED if damaged else Verdict.UNTOUCHED
             for frame in frames:
-                yield methods.untouched(task.treatment, frame, verdict)
+                yield methods.untouched(treatment, frame, verdict)
                 observe(Progress(stage="passed on", fraction=1.0, frame=frame.index))
         else:
             part = moving.part(indices[0], indices[-1] + 1)
-            yield from methods.run(task.treatment, frames, part, observe)
+            yield from methods.run(treatment, frames, part, observe)
 
 
-def _movement(task: Task, pictures: Sequence[Picture], observe: Observer) -> Movement:
-    """The motion within each frame, and from each to the next."""
-    camera = task.camera.intrinsics
-    if task.request.motion.trajectory is not None:
-        ways, steps = motion_file.of_clip(task.request.motion.trajectory, task.timing, camera, [(p.index, p.time) for p in pictures])
+def movement(treatment: Treatment, pictures: Sequence[Picture], meaning: Colour, given: Path | None, observe: Observer) -> Movement:
+    """The motion within each picture, and from each to the next: as a file gives it, or found."""
+    if given is not None:
+        camera = treatment.camera
+        within, steps = motion_file.of_clip(given, camera.timing, camera.intrinsics, [(p.index, p.time) for p in pictures])
         tied = [step is not None for step in steps]
-        return Movement(within=[*ways], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
+        return Movement(within=[*within], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
     begins = np.array([p.time for p in pictures])
-    return methods.movement(task.treatment, (clip_frames.frame(task.stream, p) for p in pictures), begins, observe)
+    return methods.movement(treatment, (clip_frames.frame(meaning, p) for p in pictures), begins, observe)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from rsvideo.frame import Frame
 from rsvideo.pipeline.prepare import Task
 from rsvideo.video import colour, decode
-from rsvideo.video.stream import Picture, Stream
+from rsvideo.video.stream import Colour, Picture, Stream
 
 
 def pictures(task: Task, first: int | None = None, last: int | None = None) -> Iterator[Picture]:
@@ -16,12 +16,12 @@ def pictures(task: Task, first: int | None = None, last: int | None = None) -> I
 
 def decoded(stream: Stream, first: int, last: int, *, on_damage: decode.OnDamage = "fail") -> Iterator[Frame]:
     """Frames first to last - 1 in linear light."""
-    return (frame(stream, picture) for picture in decode.pictures(stream, first, last, on_damage=on_damage))
+    return (frame(stream.colour, picture) for picture in decode.pictures(stream, first, last, on_damage=on_damage))
 
 
-def frame(stream: Stream, picture: Picture) -> Frame:
+def frame(meaning: Colour, picture: Picture) -> Frame:
     """A picture in linear light."""
-    pixels, clipped = colour.light(picture, stream.colour)
+    pixels, clipped = colour.light(picture, meaning)
     return Frame(pixels=pixels, clipped=clipped, time=picture.time, index=picture.index)
 
 

@@ -19,6 +19,8 @@ from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Take
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing
+from rsvideo.shooting.fact import Fact
+from rsvideo.shooting.profiles import Facts
 from rsvideo.stills.still import Format, Still
 
 if TYPE_CHECKING:
@@ -123,8 +125,8 @@ def prepare(request: Request) -> Task:
         )
     first, last, encoding, written = _frames_and_encoding(request, opened)
     shutter = timing.resolve(_NO_SHUTTER if request.deblur.method is Method.NONE else request.camera, opened.shutter)
-    camera, lens_notes = _camera(request, opened)
-    settings = _settings(request)
+    camera, lens_notes = camera_of(request, opened.shutter, opened.profile, opened.focal, opened.focal_notes)
+    settings = settings_of(request)
     gyro = _gyro(request, opened, (first, last), shutter.timing, camera.intrinsics, settings)
     if gyro:  # which need not be looked for again
         request = request.replaced(motion={"gyro_offset": gyro.offset, "gyro_axes": gyro.axes})
@@ -186,7 +188,8 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     return first, last, encoding, notes
 
 
-def _settings(request: Request) -> Settings:
+def settings_of(request: Request) -> Settings:
+    """What the request says of the restoration, for the room that restores."""
     motion, deblur = request.motion, request.deblur
     return Settings(
         motion=motion.model,
@@ -198,9 +201,11 @@ def _settings(request: Request) -> Settings:
     )
 
 
-def _camera(request: Request, opened: Take) -> tuple[sidecar.Camera, tuple[str, ...]]:
-    """The camera, and what to know of how it was found."""
-    rows, cols, notes = opened.shutter.rows, opened.shutter.cols, ()
+def camera_of(
+    request: Request, size: timing.Sources, profile: Facts | None, focal_fact: Fact[float] | None, focal_notes: tuple[str, ...]
+) -> tuple[sidecar.Camera, tuple[str, ...]]:
+    """The camera, by the request, its profile or the file, whichever states it first; and what to know of how it was found."""
+    rows, cols, notes = size.rows, size.cols, ()
     longer = max(rows, cols)
     shift = request.motion.model == "shift" and request.motion.trajectory is None
     if request.camera.focal_px is not None:
@@ -210,10 +215,10 @@ def _camera(request: Request, opened: Take) -> tuple[sidecar.Camera, tuple[str, 
                 f"focal-px must be at least {_WIDEST * longer:g} px for a picture whose longer side is {longer} px, got {focal:g};"
                 " is it in millimetres? pixels = millimetres * width of the picture in pixels / width of the sensor in millimetres"
             )
-    elif opened.profile and opened.profile.intrinsics:
-        return sidecar.Camera.of(opened.profile.intrinsics, opened.profile.profile, opened.profile.noise), ()
-    elif opened.focal is not None:
-        focal, source, notes = opened.focal.value, opened.focal.source, opened.focal_notes
+    elif profile and profile.intrinsics:
+        return sidecar.Camera.of(profile.intrinsics, profile.profile, profile.noise), ()
+    elif focal_fact is not None:
+        focal, source, notes = focal_fact.value, focal_fact.source, focal_notes
     elif shift or not request.deblur.method.needs_lens:
         focal, source = float(longer), "assumed"  # a shift does not depend on it
     else:
@@ -222,7 +227,7 @@ def _camera(request: Request, opened: Take) -> tuple[sidecar.Camera, tuple[str, 
             " it is about 0.7 to 0.9 times the longer side for most phones, focal length / sensor's width * columns for cameras;"
             " --motion shift does without"
         )
-    noise = opened.profile.noise if opened.profile else None
+    noise = profile.noise if profile else None
     return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source, noise), notes
 
 

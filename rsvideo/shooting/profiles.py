@@ -48,7 +48,7 @@ def names() -> tuple[str, ...]:
 
 
 def is_file(name_or_file: str) -> bool:
-    """Whether a profile is asked for by its file, not by its name."""
+    """Whether a profile is named by its file, not by its name."""
     path = Path(name_or_file)
     return path.suffix.lower() in (".yaml", ".yml", ".json") or len(path.parts) > 1
 
@@ -63,7 +63,7 @@ def find(name_or_file: str) -> CameraProfile:
 
 
 def read(path: Path) -> CameraProfile:
-    """The profile in a file of ours, of Gyroflow (.json), of OpenCV, of kalibr or of ROS, told apart by what it holds."""
+    """The profile in a file of ours, of Gyroflow (.json), of OpenCV, of kalibr or of ROS, recognised by its content."""
     if path.suffix.lower() == ".json":
         return gyroflow.read(path)
     text = read_whole(path, most=yaml.MOST_BYTES)

@@ -17,7 +17,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
-_APART = 0.05  # of a readout; sources that differ by more are told
+_APART = 0.05  # of a readout; a note names sources that differ by more
 _UPRIGHT = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool, Float32, UInt
 
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.physics import tone
@@ -92,11 +92,9 @@ def read(path: Path, transfer: Tone | None = None, saturation: float | None = No
         codes: Codes = kind.module.decode(data)
     except ValueError as error:
         raise UnreadableError(f"{path} {error}") from error
-    top = int(np.iinfo(codes.samples.dtype).max)
-    light = tone.decode(Transfer.LINEAR if kind is Format.RAW else transfer or Transfer.SRGB, np.linspace(0, 1, top + 1, dtype=np.float32))
-    clipped = codes.samples >= np.ceil(min(_SATURATION, saturation or 1.0) * top)
+    pixels, clipped = light(codes.samples, Transfer.LINEAR if kind is Format.RAW else transfer or Transfer.SRGB, saturation)
     return Still(
-        pixels=light[codes.samples],
+        pixels=pixels,
         clipped=clipped if codes.clipped is None else clipped | codes.clipped[..., None],
         codes=codes,
         transfer=transfer or Transfer.SRGB,
@@ -104,6 +102,20 @@ def read(path: Path, transfer: Tone | None = None, saturation: float | None = No
         format=kind,
         source=data,
     )
+
+
+def light(
+    samples: UInt[np.ndarray, "rows cols channels"], transfer: Tone, saturation: float | None = None
+) -> tuple[Float32[np.ndarray, "rows cols channels"], Bool[np.ndarray, "rows cols channels"]]:
+    """Linear light of uint8 or uint16 codes, and where they are full: from `saturation` in [0, 1] on, if that is known."""
+    top = int(np.iinfo(samples.dtype).max)
+    by_code = tone.decode(transfer, np.linspace(0, 1, top + 1, dtype=np.float32))
+    return by_code[samples], samples >= np.ceil(min(_SATURATION, saturation or 1.0) * top)
+
+
+def samples(pixels: Float32[np.ndarray, "rows cols channels"], transfer: Tone, depth: np.dtype) -> UInt[np.ndarray, "rows cols channels"]:
+    """The codes of linear light in whole numbers of `depth`."""
+    return np.rint(tone.encode(transfer, pixels) * np.iinfo(depth).max).astype(depth)
 
 
 def _format(path: Path, data: bytes) -> Format:
@@ -132,8 +144,8 @@ def encode(still: Still, pixels: Float32[np.ndarray, "rows cols channels"], kind
             notes += ("the EXIF is too long for JPEG; it is dropped",)
             record = None
         depth, alpha = np.dtype(np.uint8), None
-    samples = np.rint(tone.encode(still.transfer, pixels) * np.iinfo(depth).max).astype(depth)
-    return kind.module.encode(replace(still.codes, samples=samples, alpha=alpha, exif=record)), notes
+    stored = samples(pixels, still.transfer, depth)
+    return kind.module.encode(replace(still.codes, samples=stored, alpha=alpha, exif=record)), notes
 
 
 def unchanged(still: Still, kind: Format) -> tuple[bytes, tuple[str, ...]]:

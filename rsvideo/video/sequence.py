@@ -60,7 +60,7 @@ def probe(path: Path, rate: Fraction | None) -> Stream:
         times=times,
         keys=times,
         end=len(files),
-        colour=_colour(kind, planes),
+        colour=colour_of(kind, planes),
         rotation=rotation,
         display_matrix=_turned(rotation) if rotation else None,
         files=files,
@@ -79,7 +79,7 @@ def pictures(stream: Stream, first: int, last: int) -> Iterator[Picture]:
                 f"{stream.files[index]} must be {stream.cols} x {stream.rows} as the sequence's first picture, it is {cols} x {rows};"
                 " does it belong to another take?"
             )
-        if (found := _colour(stream.codec, planes).pixel_format) != stream.colour.pixel_format:
+        if (found := colour_of(stream.codec, planes).pixel_format) != stream.colour.pixel_format:
             raise UnreadableError(
                 f"{stream.files[index]} must hold {stream.colour.pixel_format} as the sequence's first picture, it holds {found}"
             )
@@ -216,7 +216,8 @@ def _reason(error: Exception) -> str:
     return error.args[0].decode() if error.args and isinstance(error.args[0], bytes) else str(error)
 
 
-def _colour(kind: str, planes: tuple[np.ndarray, ...]) -> Colour:
+def colour_of(kind: str, planes: tuple[np.ndarray, ...]) -> Colour:
+    """What the codes of a sequence's pictures mean: of 8, 16 or 32 bits, grey or RGB."""
     grey, floating, deep = len(planes) == 1, planes[0].dtype == np.float32, planes[0].dtype == np.uint16
     linear = kind in ("dng", "exr")
     return Colour(

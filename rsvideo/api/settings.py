@@ -1,0 +1,68 @@
+"""What a user may steer of a restoration."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from rsvideo.api.words import one_of
+from rsvideo.config import request
+from rsvideo.restoration.settings import Settings as RestorationSettings
+
+Motion = Literal["rotation", "shift"]
+Start = Literal["kernels", "tracing"]
+Refinement = Literal["sparsity", "alternation"]
+Prior = Literal["denoiser", "tv"]
+Frames = Literal["together", "alone", "cold"]
+
+_CHOICES = {"motion": Motion, "start": Start, "refinement": Refinement, "prior": Prior, "frames": Frames}
+_MOTION, _DEBLUR = request.Motion(), request.Deblur()  # their defaults
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a picture is restored; the defaults are those of the command line.
+
+    Args:
+        motion: "rotation" is all three angles of the camera; "shift" is the paper's, which needs no focal length.
+        degree: Of the polynomial that is the trajectory of one picture, 1 to 12.
+        start: Where the first trajectory comes from: a fit of the rows' PSFs ("kernels"), or the paper's tracing.
+        refinement: How it is refined: with the latent image eliminated ("sparsity"), or by the paper's Algorithm 1 ("alternation").
+        prior: What a sharp picture is taken to look like: "denoiser" (collaborative filtering), or the paper's total variation, "tv".
+        frames: Of a clip: each restored with its neighbours ("together"), along the clip's path only ("alone"), or as a still ("cold").
+
+    Raises:
+        ValueError: A value is out of its bounds, or none of the words above.
+
+    Examples:
+        >>> import rsvideo
+        >>> rsvideo.Settings(prior="tv").prior
+        'tv'
+        >>> rsvideo.Settings(degree=99)
+        Traceback (most recent call last):
+        ValueError: degree must lie in [1, 12], got 99; one frame does not determine more
+    """
+
+    motion: Motion = _MOTION.model
+    degree: int = _MOTION.degree
+    start: Start = _MOTION.start
+    refinement: Refinement = _MOTION.refinement
+    prior: Prior = _DEBLUR.prior
+    frames: Frames = _DEBLUR.frames
+
+    def __post_init__(self) -> None:
+        for name, choices in _CHOICES.items():
+            one_of(name, getattr(self, name), get_args(choices))
+        self.core()
+
+    def of_motion(self) -> dict[str, object]:
+        """What a request says of the motion."""
+        return {"model": self.motion, "degree": self.degree, "start": self.start, "refinement": self.refinement}
+
+    def of_deblur(self) -> dict[str, object]:
+        """What a request says of the sharp picture."""
+        return {"prior": self.prior, "frames": self.frames}
+
+    def core(self) -> RestorationSettings:
+        """The same for the room that restores."""
+        return RestorationSettings(
+            motion=self.motion, degree=self.degree, start=self.start, refinement=self.refinement, prior=self.prior, frames=self.frames
+        )

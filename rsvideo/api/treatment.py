@@ -1,0 +1,140 @@
+"""From what a user states to what the pipeline takes: the one file of this room that builds requests."""
+
+import tempfile
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+from rsvideo.api.camera import Camera
+from rsvideo.api.settings import Settings
+from rsvideo.api.shutter import Shutter
+from rsvideo.config import media, sidecar
+from rsvideo.config.method import Method
+from rsvideo.config.quantity import frame_rate
+from rsvideo.config.request import Request
+from rsvideo.physics import camera as physics
+from rsvideo.physics.tone import Tone, Transfer
+from rsvideo.pipeline import prepare
+from rsvideo.pipeline.methods import Treatment
+from rsvideo.pipeline.prepare import Task
+from rsvideo.shooting import profiles, timing
+from rsvideo.shooting.fact import Fact
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stored:
+    """What pictures state themselves: their size, and what their file holds."""
+
+    name: str  # as errors call it
+    rows: int
+    cols: int
+    rate: Fraction | None = None  # frames a second; None of a photograph
+    exposure: float | None = None  # seconds, by EXIF
+    focal_px: float | None = None  # by EXIF
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prepared:
+    """How pictures of one size are restored, and what their codes mean."""
+
+    treatment: Treatment
+    transfer: Tone | None  # of the profile
+    saturation: float | None  # the code in [0, 1] from which on highlights are lost, by the profile
+    notes: tuple[str, ...]
+
+
+def prepared(shutter: Shutter, camera: Camera, settings: Settings, stored: Stored, *, moved: bool) -> Prepared:
+    """Timing, lens and tone of pictures that are arrays; `moved` says that their motion is given. ValueError where something is missing."""
+    rate = None if stored.rate is None else float(stored.rate)
+    facts, notes = None, ()
+    if camera.profile is not None:
+        facts, notes = profiles.for_clip(profiles.find(camera.profile), stored.rows, stored.cols, rate)
+    if shutter.exposure is None and stored.exposure is None:
+        raise ValueError(f"exposure must be given, {stored.name} does not say it; Shutter(exposure='1/50') is a time")
+    if shutter.readout is None and not (facts and facts.readout):
+        raise ValueError(
+            f"readout must be given, {stored.name} does not say it; a phone's or DSLR's video often reads in 10ms to 30ms,"
+            " 0 is a global shutter"
+        )
+    sources = timing.Sources(
+        rows=stored.rows,
+        cols=stored.cols,
+        fps=rate,
+        exposure=None if stored.exposure is None else Fact(value=stored.exposure, source="EXIF"),
+        profile_readout=facts.readout if facts else None,
+        profile_direction=facts.direction if facts else None,
+    )
+    focal = None if stored.focal_px is None else Fact(value=stored.focal_px, source="EXIF")
+    focal_notes = () if focal is None else (f"focal length {focal.value:.0f} px from EXIF's 35 mm equivalent, for an uncropped picture",)
+    request = _request(Path(stored.name), shutter, camera, settings, motion=Path("given") if moved else None)
+    resolved = timing.resolve(request.camera, sources)
+    lens, more = prepare.camera_of(request, sources, facts, focal, focal_notes)
+    treatment = Treatment(
+        method=Method.RSVIDEO,
+        settings=settings.core(),
+        block_rows=None,
+        gyro=None,
+        camera=physics.Camera(timing=resolved.timing, intrinsics=camera.bent(lens.intrinsics), noise=lens.sensor_noise),
+        timing_source=resolved.source,
+    )
+    return Prepared(
+        treatment=treatment,
+        transfer=facts.tone if facts else None,
+        saturation=facts.saturation if facts else None,
+        notes=(*notes, *resolved.notes, *more),
+    )
+
+
+def of_path(
+    path: Path,
+    shutter: Shutter,
+    camera: Camera,
+    settings: Settings,
+    *,
+    rate: Fraction | None,
+    transfer: Transfer | None,
+    motion: Path | None,
+) -> Task:
+    """A clip's file or folder, as the command prepares it; nothing is written to the output that it is given."""
+    if not media.is_clip(path):
+        raise ValueError(f"{path} is taken for a photograph, clips are .mp4, .mov, .mkv or folders; deblur(read(path)) takes photographs")
+    task = prepare.prepare(_request(path, shutter, camera, settings, rate=rate, transfer=transfer, motion=motion))
+    lens = sidecar.Camera.of(camera.bent(task.camera.intrinsics), task.camera.source, task.camera.sensor_noise)
+    return replace(task, camera=lens)
+
+
+def pictures_a_second(rate: float | str | Fraction | None) -> Fraction | None:
+    """Of a clip, as users write it: 24, 23.976, "24000/1001"."""
+    return None if rate is None else frame_rate(str(rate))
+
+
+def _request(
+    source: Path,
+    shutter: Shutter,
+    camera: Camera,
+    settings: Settings,
+    *,
+    rate: Fraction | None = None,
+    transfer: Transfer | None = None,
+    motion: Path | None = None,
+) -> Request:
+    """The command's request; its output is never written."""
+    return Request.model_validate(
+        {
+            "source": source,
+            "output": Path(tempfile.gettempdir()) / "rsvideo-not-written.mkv",
+            "overwrite": True,
+            "input": {"rate": None if rate is None else str(rate)},
+            "camera": {
+                "profile": camera.profile,
+                "exposure": shutter.exposure,
+                "readout": shutter.readout,
+                "direction": shutter.direction,
+                "focal_px": camera.focal_px,
+                "transfer": transfer,
+            },
+            "motion": settings.of_motion() | {"trajectory": motion},
+            "deblur": settings.of_deblur(),
+            "encoding": {"codec": "ffv1"},  # which holds all there is
+        }
+    )

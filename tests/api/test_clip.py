@@ -1,0 +1,169 @@
+"""Clips from a file or arrays to arrays: the command's pixels, in chunks, and nothing written."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+
+import rsvideo
+from rsvideo.config.request import Request
+from rsvideo.physics import tone
+from rsvideo.physics.tone import Transfer
+from rsvideo.pipeline import chunk
+from rsvideo.pipeline.deblur import carry_out
+from rsvideo.pipeline.prepare import prepare
+from rsvideo.progress import ignore
+from rsvideo.video import colour, decode
+from tests.pipeline.moving import RATE, Moving
+
+SHUTTER = rsvideo.Shutter(exposure=0.02, readout=0.02)
+CAMERA = rsvideo.Camera(focal_px=1.2 * 160)
+FRAMES = 10
+
+
+@pytest.fixture(scope="module")
+def moving() -> Moving:
+    return Moving(frames=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def codes(moving: Moving) -> list[np.ndarray]:
+    """The frames as 8-bit codes, in colour."""
+    stored = (np.rint(255 * tone.encode(Transfer.SRGB, r.blurred)) for r in moving.renderings)
+    return [np.repeat(codes.astype(np.uint8), 3, axis=2) for codes in stored]
+
+
+@pytest.fixture(scope="module")
+def folder(codes: list[np.ndarray], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same without loss, as a folder of pictures."""
+    place = tmp_path_factory.mktemp("frames")
+    for k, frame in enumerate(codes):
+        imageio.imwrite(place / f"{k:03}.png", frame)
+    return place
+
+
+@pytest.fixture
+def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Chunks of 5 of the clip's 10 frames."""
+    monkeypatch.setattr(chunk, "MOST_BYTES", 0)
+    monkeypatch.setattr(chunk, "LONGEST", 8)
+
+
+@pytest.fixture(scope="module")
+def restored(codes: list[np.ndarray]) -> list[rsvideo.Result]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chunk, "LONGEST", 8)
+        return list(rsvideo.deblur_clip(codes, shutter=SHUTTER, camera=CAMERA, rate=RATE))
+
+
+def test_the_frames_come_in_order_and_sharper(moving: Moving, restored: list[rsvideo.Result]) -> None:
+    before = [np.abs(r.blurred - r.truth)[8:-8, 24:-24].mean() for r in moving.renderings]
+    after = [np.abs(result.light - r.truth)[8:-8, 24:-24].mean() for result, r in zip(restored, moving.renderings, strict=True)]
+    assert np.mean(after) < 0.7 * np.mean(before)
+    assert [result.index for result in restored] == list(range(FRAMES))
+    assert [result.time for result in restored] == pytest.approx(moving.begins.tolist())
+    assert all(result.to_next is not None and result.to_next.shape == (3,) for result in restored[:-1])
+    assert restored[-1].to_next is None
+
+
+@pytest.mark.usefixtures("short_chunks")
+def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored: list[rsvideo.Result], tmp_path: Path) -> None:
+    camera = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px}
+    output = {"output": tmp_path / "out", "encoding": {"codec": "png"}}
+    task = prepare(Request.model_validate({"source": folder, "input": {"rate": RATE}, "camera": camera, **output}))
+    assert len(chunk.chunks(task)) == 2
+    carry_out(task, ignore)
+    written = [imageio.imread(path) for path in sorted((tmp_path / "out").glob("*.png"))]
+    assert sum(result.restored for result in restored) >= FRAMES // 2
+    np.testing.assert_array_equal([result.latent for result in restored], written)
+
+
+def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndarray], tmp_path: Path) -> None:
+    for k, frame in enumerate(codes[:3]):
+        imageio.imwrite(tmp_path / f"{k:03}.png", frame)
+    how = {"shutter": SHUTTER, "camera": CAMERA, "settings": rsvideo.Settings(prior="tv")}
+    wanted = list(rsvideo.deblur_clip(codes[:3], rate=RATE, **how))
+    clip = rsvideo.read_clip(tmp_path, rate=RATE)
+    for source, rate in ((tmp_path, RATE), (clip, None), (iter(codes[:3]), RATE)):
+        found = list(rsvideo.deblur_clip(source, rate=rate, **how))
+        np.testing.assert_array_equal([result.light for result in found], [result.light for result in wanted])
+        assert [result.verdict for result in found] == [result.verdict for result in wanted]
+
+
+@pytest.mark.usefixtures("short_chunks")
+def test_a_clip_restored_along_its_track_is_the_same(codes: list[np.ndarray], restored: list[rsvideo.Result]) -> None:
+    how = {"shutter": SHUTTER, "camera": CAMERA, "rate": RATE}
+    path = rsvideo.track(codes, **how)
+    assert len(path.trajectories) == FRAMES
+    assert path.tied.tolist() == [True] * (FRAMES - 1) + [False]
+    again = list(rsvideo.deblur_clip(codes, trajectory=path, **how))
+    np.testing.assert_array_equal([result.latent for result in again], [result.latent for result in restored])
+    with pytest.raises(ValueError, match="a track of the same clip"):
+        list(rsvideo.deblur_clip([*codes, *codes], trajectory=path, **how))
+
+
+def test_a_motion_in_a_file_is_followed(moving: Moving, codes: list[np.ndarray], tmp_path: Path) -> None:
+    motion = moving.motion(tmp_path / "motion.csv")
+    results = list(rsvideo.deblur_clip(codes[:3], shutter=SHUTTER, camera=CAMERA, rate=RATE, trajectory=motion))
+    t = np.linspace(*results[1].timing.interval, 9)
+    way = moving.way(1)
+    np.testing.assert_allclose(results[1].trajectory.at(t), way.at(t) - way.at(np.array([results[1].timing.middle])), atol=0.05)
+
+
+def test_light_comes_back_as_light_and_grey_as_grey(moving: Moving) -> None:
+    frames = [r.blurred[..., 0] for r in moving.renderings[:3]]
+    for result in rsvideo.deblur_clip(frames, shutter=SHUTTER, camera=CAMERA, rate=RATE):
+        assert result.latent.shape == (96, 160)
+        assert result.latent.dtype == np.float32
+
+
+def test_only_a_chunk_is_held(codes: list[np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(chunk, "LONGEST", 8)
+    taken: list[int] = []
+
+    class Frames:
+        def __iter__(self) -> Iterator[np.ndarray]:
+            taken.append(0)
+            for frame in codes * 3:
+                taken[-1] += 1
+                yield frame
+
+    results = rsvideo.deblur_clip(Frames(), shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone"))
+    next(results)
+    assert taken[-1] <= 8 + chunk.AHEAD
+    results.close()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ({"rate": None}, "rate must be given, arrays do not say"),
+        ({"rate": "fast"}, "rate must be a number of frames a second"),
+        ({"rate": 100}, "exposure must be at most one frame's period, 10 ms at 100 fps"),
+        ({"shutter": rsvideo.Shutter(exposure=0.02)}, "readout must be given"),
+        ({"camera": rsvideo.Camera()}, "focal-px must be given"),
+        ({"frames": []}, "frames must hold at least one picture"),
+        ({"frames": np.zeros((96, 160, 3), np.uint8)}, "frame 0 must"),
+        ({"frames": [np.full((96, 160), np.nan)]}, "frame 0 must be finite"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_the_first_result(codes: list[np.ndarray], words: dict, line: str) -> None:
+    words = {"frames": codes, "shutter": SHUTTER, "camera": CAMERA, "rate": RATE, **words}
+    with pytest.raises(ValueError, match=line):
+        rsvideo.deblur_clip(words.pop("frames"), **words)
+
+
+def test_a_frame_of_another_shape_is_refused_when_it_is_reached(codes: list[np.ndarray]) -> None:
+    with pytest.raises(ValueError, match=r"frame 1 must be as the first, \(96, 160, 3\) of uint8, it is \(96, 159, 3\) of uint8"):
+        list(rsvideo.deblur_clip([codes[0], codes[1][:, 1:]], shutter=SHUTTER, camera=CAMERA, rate=RATE))
+
+
+def test_a_clip_that_is_read_shows_its_frames_again_and_again(samples: Path) -> None:
+    clip = rsvideo.read_clip(samples / "clip" / "blurred.mp4")
+    stream = decode.probe(samples / "clip" / "blurred.mp4")
+    wanted = [colour.light(picture, stream.colour)[0] for picture in decode.pictures(stream)]
+    for _ in range(2):
+        np.testing.assert_array_equal(list(clip), wanted)
+    np.testing.assert_allclose(clip.times, np.arange(12) / 24)

@@ -1,0 +1,116 @@
+"""How flat the optimum of each deciding number is: every still of a folder restored with the number halved, as it is, and doubled.
+
+    python tests/benchmarks/sensitivity.py CASES -o FILE.json [--only verdict.DENSER,scene.SEARCH_RIDGE] [--jobs 2] [--motion shift ...]
+
+CASES holds a folder a case: blurred.png, truth.png, case.json (`rsvideo simulate` writes such). For each number FILE gets the mean gain
+over the cases, and the least of any frame, with the number halved and doubled, against what it is now. A mean that hardly changes
+is a flat optimum; one that rises says that the number was chosen on other cases than these.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh priors
+    "verdict.COSTLIEST",
+    "verdict.CHEAPER_ACROSS",
+    "verdict.DENSER",
+    "verdict.CONTRAST",
+    "search.SHARP_KERNEL",
+    "search.COARSE_REACH",
+    "search.ENERGY",
+    "search.EVEN",
+    "scene.RIDGE",
+    "scene.SEARCH_RIDGE",
+    "sparsity.WINDOW",
+    "sparsity.HALF_WEIGHT",
+    "initialise.SHARE",
+    "initialise.WORST",
+    "hand_shake.SPREAD",
+    "hand_shake.FALL",
+    "nonblind.COARSEST_NOISE",
+    "nonblind.FINEST_NOISE",
+)
+FACTORS = (0.5, 2.0)
+
+
+def gain(case: Path, options: dict[str, str], number: str | None, factor: float) -> float:
+    """dB by which a still is nearer to its truth than its blurred frame, with `number` times `factor`."""
+    os.environ["OMP_WAIT_POLICY"] = "passive"
+    import rsvideo
+    from rsvideo.physics.tone import Transfer, encode
+    from rsvideo.report.metrics import psnr
+
+    facts = json.loads((case / "case.json").read_text())
+    blurred, truth = (rsvideo.read(case / f"{name}.png").pixels for name in ("blurred", "truth"))
+    with scaled(number, factor):
+        result = rsvideo.deblur(
+            blurred,
+            shutter=rsvideo.Shutter(exposure=facts["exposure_s"], readout=facts["readout_s"]),
+            camera=rsvideo.Camera(focal_px=facts["focal_px"]),
+            settings=rsvideo.Settings(**options),
+        )
+    sharp, before, after = (encode(Transfer.SRGB, light) for light in (truth, blurred, result.light))
+    return psnr(after, sharp) - psnr(before, sharp)
+
+
+@contextlib.contextmanager
+def scaled(number: str | None, factor: float) -> Iterator[None]:
+    """Let a number be `factor` times what it is; a width in whole pixels stays odd."""
+    if number is None:
+        yield
+        return
+    room, name = number.split(".")
+    module = import_module(f"rsvideo.restoration.{room}")
+    now = getattr(module, name)
+    setattr(module, name, round(now * factor) | 1 if isinstance(now, int) else now * factor)
+    try:
+        yield
+    finally:
+        setattr(module, name, now)
+
+
+def main() -> None:
+    """Measure, and write FILE as each number is done."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cases", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--only", default=",".join(NUMBERS), metavar="ROOM.NAME,...")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--motion", choices=("rotation", "shift"), default="rotation")
+    request = parser.parse_args()
+    cases = sorted(path.parent for path in request.cases.glob("*/case.json"))
+    if not cases:
+        sys.exit(f"{request.cases} must hold cases, NAME/case.json")
+    rows = []
+    with ProcessPoolExecutor(request.jobs) as pool:
+        measure = partial(gains, pool, cases, {"motion": request.motion})
+        now = measure(None, 1.0)
+        print(f"{'as it is':28}{sum(now) / len(now):8.2f} dB mean{min(now):8.2f} dB least")
+        for number in request.only.split(","):
+            row: dict[str, object] = {"number": number}
+            for factor, word in zip(FACTORS, ("halved", "doubled"), strict=True):
+                changed = measure(number, factor)
+                row |= {
+                    f"{word}_db": sum(changed) / len(changed) - sum(now) / len(now),
+                    f"{word}_least_db": min(a - b for a, b in zip(changed, now, strict=True)),
+                }
+            rows.append(row)
+            print(f"{number:28}" + "".join(f"{value:+8.2f}" for value in row.values() if isinstance(value, float)), flush=True)
+            request.output.write_text(json.dumps({"cases": len(cases), "mean_gain_db": sum(now) / len(now), "rows": rows}, indent=1))
+
+
+def gains(pool: ProcessPoolExecutor, cases: list[Path], options: dict[str, str], number: str | None, factor: float) -> list[float]:
+    """Of all cases, in order."""
+    return list(pool.map(gain, cases, [options] * len(cases), [number] * len(cases), [factor] * len(cases)))
+
+
+if __name__ == "__main__":
+    main()
