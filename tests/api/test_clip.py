@@ -44,6 +44,12 @@ def folder(codes: list[np.ndarray], tmp_path_factory: pytest.TempPathFactory) ->
     return place
 
 
+@pytest.fixture(scope="module")
+def motion(moving: Moving, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The true motion as CSV: what concerns the frames' way, and not the motion, need not find it."""
+    return moving.motion(tmp_path_factory.mktemp("motion") / "motion.csv")
+
+
 @pytest.fixture
 def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Chunks of 5 of the clip's 10 frames."""
@@ -80,10 +86,10 @@ def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored
     np.testing.assert_array_equal([result.latent for result in restored], written)
 
 
-def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndarray], tmp_path: Path) -> None:
+def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndarray], motion: Path, tmp_path: Path) -> None:
     for k, frame in enumerate(codes[:3]):
         imageio.imwrite(tmp_path / f"{k:03}.png", frame)
-    how = {"shutter": SHUTTER, "camera": CAMERA, "settings": rsvideo.Settings(prior="tv")}
+    how = {"shutter": SHUTTER, "camera": CAMERA, "settings": rsvideo.Settings(prior="tv"), "trajectory": motion}
     wanted = list(rsvideo.deblur_clip(codes[:3], rate=RATE, **how))
     clip = rsvideo.read_clip(tmp_path, rate=RATE)
     for source, rate in ((tmp_path, RATE), (clip, None), (iter(codes[:3]), RATE)):
@@ -104,17 +110,16 @@ def test_a_clip_restored_along_its_track_is_the_same(codes: list[np.ndarray], re
         list(rsvideo.deblur_clip([*codes, *codes], trajectory=path, **how))
 
 
-def test_a_motion_in_a_file_is_followed(moving: Moving, codes: list[np.ndarray], tmp_path: Path) -> None:
-    motion = moving.motion(tmp_path / "motion.csv")
+def test_a_motion_in_a_file_is_followed(moving: Moving, codes: list[np.ndarray], motion: Path) -> None:
     results = list(rsvideo.deblur_clip(codes[:3], shutter=SHUTTER, camera=CAMERA, rate=RATE, trajectory=motion))
     t = np.linspace(*results[1].timing.interval, 9)
     way = moving.way(1)
     np.testing.assert_allclose(results[1].trajectory.at(t), way.at(t) - way.at(np.array([results[1].timing.middle])), atol=0.05)
 
 
-def test_light_comes_back_as_light_and_grey_as_grey(moving: Moving) -> None:
+def test_light_comes_back_as_light_and_grey_as_grey(moving: Moving, motion: Path) -> None:
     frames = [r.blurred[..., 0] for r in moving.renderings[:3]]
-    for result in rsvideo.deblur_clip(frames, shutter=SHUTTER, camera=CAMERA, rate=RATE):
+    for result in rsvideo.deblur_clip(frames, shutter=SHUTTER, camera=CAMERA, rate=RATE, trajectory=motion):
         assert result.latent.shape == (96, 160)
         assert result.latent.dtype == np.float32
 
