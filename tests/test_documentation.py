@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,8 @@ def names(module: Path) -> frozenset[str]:
 def resolves(dotted: str) -> bool:
     """Whether a.b.c is a module, or a name in one."""
     parts = dotted.split(".")
+    if parts[0] == "rsvideo" and parts[1] in rsvideo.__all__:  # these are loaded when they are first used
+        return reduce(lambda place, part: getattr(place, part, None), parts[1:], rsvideo) is not None
     for n in range(len(parts), 0, -1):
         base = CHECKOUT.joinpath(*parts[:n])
         module = base / "__init__.py" if base.is_dir() else base.with_suffix(".py")
@@ -76,9 +78,8 @@ def wrong_names(text: str) -> Iterator[str]:
             yield path
         elif name and name not in names(file):
             yield f"{path}:{name}"
-    api = "__all__" in names(CHECKOUT / "rsvideo" / "__init__.py")
     for dotted in DOTTED.findall(text):
-        if not dotted.endswith((".json", ".yaml")) and (api or dotted.count(".") > 1) and not resolves(dotted):
+        if not dotted.endswith((".json", ".yaml")) and not resolves(dotted):
             yield dotted
 
 
@@ -99,7 +100,8 @@ def verbs() -> dict[str, frozenset[str]]:
     """The options of each verb of the command."""
 
     def walk(command: Any, name: str) -> Iterator[tuple[str, frozenset[str]]]:
-        options = {option for parameter in command.params for option in (*parameter.opts, *parameter.secondary_opts)}
+        parameters = command.get_params(typer.Context(command))
+        options = {option for parameter in parameters for option in (*parameter.opts, *parameter.secondary_opts)}
         yield name, frozenset(options | {"--help", "--version"})
         for verb, below in getattr(command, "commands", {}).items():
             yield from walk(below, f"{name} {verb}".strip())

@@ -66,11 +66,17 @@ def note(notes: Iterable[str]) -> None:
 
 def told(error: BaseException) -> tuple[int, str]:
     """The exit code for what went wrong, and the line that says so."""
-    code, words = _told(error)
+    code, words = _code_and_words(_origin(error))
     return code, " ".join(words.split())
 
 
-def _told(error: BaseException) -> tuple[int, str]:
+def _origin(error: BaseException) -> BaseException:
+    """A signal that comes while a compiled kernel is called is reported by numba as a SystemError; the signal is what counts."""
+    cause = error.__cause__ or error.__context__
+    return cause if isinstance(error, SystemError) and isinstance(cause, Stopped) else error
+
+
+def _code_and_words(error: BaseException) -> tuple[int, str]:
     match error:
         case Stopped():
             return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; nothing was written"

@@ -30,6 +30,6 @@ def test_a_clip_without_a_log_is_told(tmp_path: Path) -> None:
 def test_more_than_can_be_meant_is_not_read(shared: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clip = shared / "real" / "gopro_mp4_gyro" / "karma.mp4"
     assert telemetry.answer(clip, "gyroscope", 100_000) == b""  # 4795 samples of 32 bytes
-    monkeypatch.setattr(telemetry, "told", lambda *_: np.array([0.0, 1, 2, 3, 5e-4, 1, 2, np.nan]).tobytes())
+    monkeypatch.setattr(telemetry, "answer", lambda *_: np.array([0.0, 1, 2, 3, 5e-4, 1, 2, np.nan]).tobytes())
     with pytest.raises(UnavailableError, match="finite numbers"):
         embedded(clip)
