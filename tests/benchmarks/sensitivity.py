@@ -17,7 +17,9 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from typing import Literal
 
+Motion = Literal["rotation", "shift"]
 NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh priors
     "verdict.COSTLIEST",
     "verdict.CHEAPER_ACROSS",
@@ -41,7 +43,7 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
 FACTORS = (0.5, 2.0)
 
 
-def gain(case: Path, options: dict[str, str], number: str | None, factor: float) -> float:
+def gain(case: Path, motion: Motion, number: str | None, factor: float) -> float:
     """dB by which a still is nearer to its truth than its blurred frame, with `number` times `factor`."""
     os.environ["OMP_WAIT_POLICY"] = "passive"
     import rsvideo
@@ -55,7 +57,7 @@ def gain(case: Path, options: dict[str, str], number: str | None, factor: float)
             blurred,
             shutter=rsvideo.Shutter(exposure=facts["exposure_s"], readout=facts["readout_s"]),
             camera=rsvideo.Camera(focal_px=facts["focal_px"]),
-            settings=rsvideo.Settings(**options),
+            settings=rsvideo.Settings(motion=motion),
         )
     sharp, before, after = (encode(Transfer.SRGB, light) for light in (truth, blurred, result.light))
     return psnr(after, sharp) - psnr(before, sharp)
@@ -91,7 +93,7 @@ def main() -> None:
         sys.exit(f"{request.cases} must hold cases, NAME/case.json")
     rows = []
     with ProcessPoolExecutor(request.jobs) as pool:
-        measure = partial(gains, pool, cases, {"motion": request.motion})
+        measure = partial(gains, pool, cases, request.motion)
         now = measure(None, 1.0)
         print(f"{'as it is':28}{sum(now) / len(now):8.2f} dB mean{min(now):8.2f} dB least")
         for number in request.only.split(","):
@@ -107,9 +109,9 @@ def main() -> None:
             request.output.write_text(json.dumps({"cases": len(cases), "mean_gain_db": sum(now) / len(now), "rows": rows}, indent=1))
 
 
-def gains(pool: ProcessPoolExecutor, cases: list[Path], options: dict[str, str], number: str | None, factor: float) -> list[float]:
+def gains(pool: ProcessPoolExecutor, cases: list[Path], motion: Motion, number: str | None, factor: float) -> list[float]:
     """Of all cases, in order."""
-    return list(pool.map(gain, cases, [options] * len(cases), [number] * len(cases), [factor] * len(cases)))
+    return list(pool.map(gain, cases, [motion] * len(cases), [number] * len(cases), [factor] * len(cases)))
 
 
 if __name__ == "__main__":
