@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from rsvideo.physics import tone
-from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting.camera_profile import CameraProfile, Clock, Measured, Mode, Noise, Tone
 from rsvideo.shooting.camera_profile import Lens as LensPart
@@ -135,7 +134,7 @@ def _timing(panel: Axes, clock: Clock, mode: Mode) -> None:
         panel.errorbar(readout, 0, xerr=2e3 * clock.readout_s.std, color=_VERMILION, capsize=4)
     if period:
         panel.axvline(period, color=_GREY, lw=1, label=f"one frame: {period:.4g} ms")
-    by_row = clock.direction in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
+    by_row = clock.direction.by_row
     lines = mode.rows if by_row else mode.cols
     panel.set(yticks=[], ylim=(-0.5, 0.9), xlim=(0, 1.08 * max(readout, period or 0, 1e-3)), xlabel="ms")
     panel.set_title(f"timing: {1e3 * readout / lines:.4g} µs from one {'row' if by_row else 'column'} to the next", fontsize=10)

@@ -8,6 +8,7 @@ from jaxtyping import Float, Float32
 from rsvideo.api.trajectory import Trajectory
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics, turned
+from rsvideo.physics.psf import psf_from_trace
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 _INSTANTS = 400  # of one exposure, that a PSF is drawn from
@@ -78,7 +79,7 @@ class Result:
         x = np.tile((np.arange(across) + 0.5) * self.camera.cols / across - 0.5, down)
         traces = self._traces(x, y)
         half = int(np.ceil(np.abs(traces).max())) + 1
-        kernels = np.stack([_kernel(trace, half) for trace in traces])
+        kernels = np.stack([psf_from_trace(trace, half) for trace in traces])
         return kernels.reshape(down, across, *kernels.shape[1:])
 
     def _traces(self, x: np.ndarray, y: np.ndarray) -> Float[np.ndarray, "points instants 2"]:
@@ -115,16 +116,3 @@ def public(
         to_next=None if to_next is None else np.array([*to_next, 0.0])[:3],
         notes=notes,
     )
-
-
-def _kernel(trace: Float[np.ndarray, "instants 2"], half: int) -> Float[np.ndarray, "side side"]:
-    """The trace as light on pixels, each instant shared among the four nearest."""
-    side = 2 * half + 1
-    kernel = np.zeros((side, side))
-    whole = np.floor(trace).astype(int)
-    part = trace - whole
-    for dx in (0, 1):
-        for dy in (0, 1):
-            weight = np.abs(1 - dx - part[:, 0]) * np.abs(1 - dy - part[:, 1])
-            np.add.at(kernel, (whole[:, 1] + dy + half, whole[:, 0] + dx + half), weight)
-    return kernel / len(trace)

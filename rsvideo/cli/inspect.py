@@ -48,7 +48,6 @@ def inspect(
 
 def _values(clip: "Take", camera: "Camera") -> dict[str, Any]:
     """All facts, under the names of the JSON output."""
-    from rsvideo.physics.shutter import Direction
     from rsvideo.shooting.timing import direction_of, exposure_of, readout_of
     from rsvideo.video.stream import Stream
 
@@ -58,7 +57,7 @@ def _values(clip: "Take", camera: "Camera") -> dict[str, Any]:
     exposure, notes = exposure_of(camera, clip.shutter)
     readout, more = readout_of(camera, clip.shutter)
     direction = direction_of(camera, clip.shutter)
-    scanlines = stream.rows if direction.value in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else stream.cols
+    scanlines = stream.rows if direction.value.by_row else stream.cols
     colour = stream.colour
     missing = {
         "exposure": None if exposure else "--exposure 1/50 or --shutter-angle 180",

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from rsvideo.config.sidecar import FrameRecord, Sidecar
 from rsvideo.physics.camera import turned
+from rsvideo.physics.psf import psf_from_trace
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 FORMATS = ("png", "pdf", "svg")
@@ -100,7 +101,7 @@ def psfs(sidecar: Sidecar, record: FrameRecord) -> tuple[list[tuple[float, float
     traces = [_trace(np.array(centre), sidecar, record, timing) for centre in centres]
     reach = max(float(np.abs(trace - trace.mean(axis=0)).max()) for trace in traces)
     half = max(2, int(np.ceil(1.1 * reach)) + 1)  # px from a trace's middle to the edge of its tile
-    return centres, np.stack([_kernel(trace - trace.mean(axis=0), half) for trace in traces])
+    return centres, np.stack([psf_from_trace(trace - trace.mean(axis=0), half) for trace in traces])
 
 
 def grid(sidecar: Sidecar) -> tuple[int, int]:
@@ -136,16 +137,3 @@ def _trace(point: Float[np.ndarray, "2"], sidecar: Sidecar, record: FrameRecord,
         return -turned(camera.intrinsics, point[:1], point[1:], np.stack([x, y, roll], axis=1))
     cx, cy = camera.cx, camera.cy
     return -np.stack([x - roll * (point[1] - cy), y + roll * (point[0] - cx)], axis=1)  # the image moves against the sampling
-
-
-def _kernel(trace: Float[np.ndarray, "instants 2"], half: int) -> Float[np.ndarray, "side side"]:
-    """The trace as light on pixels, each instant shared among the four nearest."""
-    side = 2 * half + 1
-    kernel = np.zeros((side, side))
-    whole = np.floor(trace).astype(int)
-    part = trace - whole
-    for dx in (0, 1):
-        for dy in (0, 1):
-            weight = np.abs(1 - dx - part[:, 0]) * np.abs(1 - dy - part[:, 1])
-            np.add.at(kernel, (whole[:, 1] + dy + half, whole[:, 0] + dx + half), weight)
-    return kernel / len(trace)

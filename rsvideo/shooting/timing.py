@@ -18,7 +18,6 @@ from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
 _APART = 0.05  # of a readout; a note names sources that differ by more
-_UPRIGHT = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +136,7 @@ def direction_of(given: Camera, sources: Sources) -> Fact[Direction]:
 
 
 def _scanlines(sources: Sources, direction: Direction) -> int:
-    return sources.rows if direction in _UPRIGHT else sources.cols
+    return sources.rows if direction.by_row else sources.cols
 
 
 def _given_readout(given: Camera, sources: Sources) -> Fact[float] | None:

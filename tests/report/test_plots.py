@@ -8,6 +8,7 @@ from PIL import Image
 from rsvideo.config.sidecar import Camera, FrameRecord, Sampled, Settings, Sidecar, Timing
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.distortion import Distortion
+from rsvideo.physics.psf import psf_from_trace
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.report import plots
@@ -61,7 +62,7 @@ def test_a_steady_pan_leaves_a_straight_trace_as_long_as_half_its_way() -> None:
 
 def test_the_blur_of_a_trace_holds_all_its_light() -> None:
     trace = np.random.default_rng(0).uniform(-5, 5, (300, 2))
-    kernel = plots._kernel(trace, 7)
+    kernel = psf_from_trace(trace, 7)
     assert kernel.sum() == pytest.approx(1)
     y, x = np.indices(kernel.shape) - 7
     np.testing.assert_allclose([(kernel * x).sum(), (kernel * y).sum()], trace.mean(axis=0), atol=1e-12)
