@@ -1,7 +1,9 @@
 """One continuous path of a camera through a run of frames, from the points that move between them.
 
 A point tracked from one frame to the next observes the mean pose over one scanline's exposure against that over another's,
-each at its own time: linear in the path's coefficients.
+each at its own time: linear in the path's coefficients. What the scene's depth adds to that is smooth over the picture and alike from
+pair to pair. As a path it would be a wobble that repeats in every frame and grows towards both ends of the run. So each pair has a
+quadratic field of its own beside the path, whose spread over all pairs is estimated with it (expectation maximisation).
 """
 
 from collections.abc import Sequence
@@ -9,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import median_filter
 
 from rsvideo.physics.camera import Camera, lever
 from rsvideo.physics.shutter import ShutterTiming
@@ -20,12 +23,16 @@ KNOTS = 3  # spline pieces a frame's interval; origin: by trial
 TERMS = 7  # of the polynomial that stands for the spline within one frame; origin: by trial
 INDEPENDENT = 20  # points of a pair that count; the others share their errors, which blur causes; origin: by trial
 STIFFNESS = 1.0  # of the prior on a hand's motion: as believed
-ROUNDS = 6  # of reweighting
+ROUNDS = 10  # of reweighting
+FIELD_REACH = 4.0  # px at the picture's longer sides, the first spread of the fields; one that starts too small stays so
+LEAST_FIELD = 0.01  # px
 NODES = 33  # rows at which the basis is averaged; others by linear interpolation
 SAMPLES = 8  # of a row's exposure, over which the basis is averaged
 FIRST_REACH = 8.0  # px a frame's interval, by which the camera is believed to move before tracks are used; origin: by trial
 LEAST_REACH = 4.0  # px a frame's interval, the least that the prior believes after that; origin: by trial
+NEIGHBOURS = 5  # pieces, half a frame's interval apart, whose median speed one piece is believed to have
 OUTLIER = 2.0  # times the typical residual, at which a point counts half (Cauchy's weights)
+FIELD = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2))  # powers of x and y, from the picture's centre, in halves of its longer side
 FREE = 1e-6  # precision of every coefficient, in 1 / px^2: a spread of 1000 px, so that where the path begins is free
 
 
@@ -82,15 +89,22 @@ def follow(
     first = np.full(len(pieces.begins), FIRST_REACH * timing.exposure / timing.interval[1])
     prior = about.precision if about else pieces.precision(first)
     mean, precision = path.coefficients.ravel(), prior
+    variance = np.full(2 * len(FIELD), FIELD_REACH**2)
+    fields = [np.zeros(len(variance)) for _ in pairs]
     for _ in range(ROUNDS):
         precision, right = prior.copy(), prior @ mean
-        for pair in pairs:
-            normal, b = pair.system(path.coefficients)
-            precision += normal
-            right += b
+        systems = [pair.system(path.coefficients, field, variance) for pair, field in zip(pairs, fields, strict=True)]
+        for system in systems:
+            precision += system.precision
+            right += system.right
         path = path.with_coefficients(np.linalg.solve(precision, right).reshape(path.coefficients.shape))
+        if systems:
+            fields = [system.field(path.coefficients) for system in systems]
+            covariance = np.linalg.inv(precision)
+            spreads = [field**2 + system.field_variance(covariance) for field, system in zip(fields, systems, strict=True)]
+            variance = np.mean(spreads, axis=0) + LEAST_FIELD**2
         if not about:
-            prior = pieces.precision(np.array([exposure_length(path, t, timing) for t in pieces.begins]))
+            prior = pieces.precision(_reaches(path, pieces.begins, timing))
     return CameraPath(spline=path, precision=precision)
 
 
@@ -126,7 +140,8 @@ class _Pieces:
     def of(cls, path: Spline, camera: Camera) -> "_Pieces":
         timing = camera.timing
         duration = timing.interval[1]
-        begins = np.arange(path.t0, path.t1 - duration + 1e-9, duration / 2)
+        last = max(path.t0, path.t1 - duration)  # where the last piece begins; no part of the path is without a prior
+        begins = np.linspace(path.t0, last, 1 + int(np.ceil((last - path.t0) / (duration / 2) - 1e-9)))
         unit = pose_unit(camera.intrinsics, path.coefficients.shape[1])
         return cls(
             begins=begins,
@@ -144,6 +159,11 @@ class _Pieces:
         return out
 
 
+def _reaches(path: Spline, begins: Float[np.ndarray, " pieces"], timing: ShutterTiming) -> Float[np.ndarray, " pieces"]:
+    """How far each piece is believed to move in one exposure: as far as its neighbours, or a piece at a run's free end would run away."""
+    return median_filter(np.array([exposure_length(path, t, timing) for t in begins]), size=NEIGHBOURS, mode="mirror")
+
+
 def exposure_length(path: Spline, begins: float, timing: ShutterTiming) -> float:
     """The length in px of the path within one exposure, from its mean speed about a frame's middle; not less than 4 px a frame."""
     window = max(timing.exposure, timing.interval[1] / 2)  # the speed of a short exposure alone is noise
@@ -158,6 +178,7 @@ class _Pair:
 
     design: Float[np.ndarray, "points terms"]  # of the mean pose at the second sight, less that at the first
     levers: Float[np.ndarray, "points 2 axes"]
+    fields: Float[np.ndarray, "points 2 fields"]  # what the scene's depth may add: quadratic polynomials of the place, for x and for y
     elapsed: Float[np.ndarray, " points"]  # s, from the middle of the first sight's exposure to that of the second
     moved: Float[np.ndarray, "points 2"]
 
@@ -178,6 +199,7 @@ class _Pair:
         return cls(
             design=poses[1] - poses[0],
             levers=lever(camera.intrinsics, middle[:, 0], middle[:, 1], path.coefficients.shape[1]),
+            fields=_fields(camera, middle),
             elapsed=when[1] - when[0],
             moved=tracks.before - tracks.after,  # a camera that moves right moves the image left
         )
@@ -186,15 +208,55 @@ class _Pair:
         """What a path leaves of how far the camera seems to have moved."""
         return self.moved - np.einsum("nca,nt,ta->nc", self.levers, self.design, coefficients)
 
-    def system(self, coefficients: Float[np.ndarray, "terms axes"]) -> tuple[np.ndarray, np.ndarray]:
-        """Precision and right side, each point weighted by how well the path explains it (Cauchy's weights)."""
-        size = np.linalg.norm(self.residual(coefficients), axis=1)
+    def system(
+        self, coefficients: Float[np.ndarray, "terms axes"], field: Float[np.ndarray, " fields"], variance: Float[np.ndarray, " fields"]
+    ) -> "_System":
+        """The pair's equations without its field, each point weighted by how well path and field explain it (Cauchy's weights)."""
+        size = np.linalg.norm(self.residual(coefficients) - self.fields @ field, axis=1)
         scale = max(float(np.median(size)), TRACKED)
         weight = 1 / (1 + (size / (OUTLIER * scale)) ** 2) / scale**2
         weight *= min(1.0, INDEPENDENT / len(weight))
-        full = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(len(weight), 2, -1)
-        weighted = full * weight[:, None, None]
-        return np.einsum("nci,ncj->ij", weighted, full, optimize=True), np.einsum("nci,nc->i", weighted, self.moved)
+        path = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(2 * len(weight), -1)
+        beside, moved = self.fields.reshape(len(path), -1), self.moved.ravel()
+        weighted = beside.T * np.repeat(weight, 2)
+        covariance = np.linalg.inv(np.diag(1 / variance) + weighted @ beside)
+        across, by_field = weighted @ path, weighted @ moved
+        own = path.T * np.repeat(weight, 2)
+        return _System(
+            precision=own @ path - across.T @ covariance @ across,
+            right=own @ moved - across.T @ covariance @ by_field,
+            covariance=covariance,
+            across=across,
+            by_field=by_field,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _System:
+    """Normal equations of a pair in the path's coefficients, its field eliminated (Schur complement)."""
+
+    precision: Float[np.ndarray, "unknowns unknowns"]
+    right: Float[np.ndarray, " unknowns"]
+    covariance: Float[np.ndarray, "fields fields"]  # of the field, if the path is known
+    across: Float[np.ndarray, "fields unknowns"]
+    by_field: Float[np.ndarray, " fields"]
+
+    def field(self, coefficients: Float[np.ndarray, "terms axes"]) -> Float[np.ndarray, " fields"]:
+        """The likeliest field beside a path, px."""
+        return self.covariance @ (self.by_field - self.across @ coefficients.ravel())
+
+    def field_variance(self, covariance: Float[np.ndarray, "unknowns unknowns"]) -> Float[np.ndarray, " fields"]:
+        """How uncertain the field is, if the path has this covariance."""
+        by_path = self.covariance @ self.across
+        return np.diag(self.covariance) + np.einsum("fu,uv,fv->f", by_path, covariance, by_path, optimize=True)
+
+
+def _fields(camera: Camera, points: Float[np.ndarray, "points 2"]) -> Float[np.ndarray, "points 2 fields"]:
+    """FIELD's polynomials at each point, for x and for y by themselves."""
+    lens = camera.intrinsics
+    x, y = ((points - (lens.cx, lens.cy)) / (max(lens.rows, lens.cols) / 2)).T
+    powers = np.stack([x**i * y**j for i, j in FIELD], axis=1)
+    return np.kron(np.eye(2)[None], powers[:, None])
 
 
 def _pairs(tracks: Sequence[Tracks], begins: np.ndarray, backwards: Sequence[int], camera: Camera, path: Spline) -> list[_Pair]:
