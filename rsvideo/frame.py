@@ -14,11 +14,17 @@ class Verdict(enum.StrEnum):
     """What became of a frame; the values are the sentences a person reads."""
 
     RESTORED = "restored"
+    STRAIGHTENED = "straightened, not deblurred: it has too little blur, or blur that its motion does not explain"
     SHARP = "left as it was: the frame is sharp already"
     NO_TEXTURE = "left as it was: the frame has no texture to measure motion by"
     UNTOUCHED = "left as it was: no restoration was asked for"
     DAMAGED = "left as it was: it could not be decoded as it was meant"
     UNEXPLAINED = "left as it was: one camera motion does not explain its blur"
+
+    @property
+    def changed(self) -> bool:
+        """Whether the latent image is shown, and not the frame as it came."""
+        return self in (Verdict.RESTORED, Verdict.STRAIGHTENED)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,7 +19,6 @@ from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
 from rsvideo.api.treatment import pictures_a_second
 from rsvideo.api.words import transfer_named
-from rsvideo.frame import Verdict
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import chunk as chunks
@@ -172,7 +171,7 @@ def _restored(shot: Footage, given: Track | None, observe: Observer) -> Iterator
     for chunk, pictures in shot.chunks():
         moving = _given(given, pictures) if given else chunks.movement(shot.treatment, pictures, shot.colour, shot.motion, observe)
         for picture, result, to_next in chunks.restored(shot.treatment, chunk, pictures, shot.colour, moving, observe):
-            latent = shot.shown(picture, result.latent if result.verdict is Verdict.RESTORED else result.frame.pixels)
+            latent = shot.shown(picture, result.latent if result.verdict.changed else result.frame.pixels)
             yield public(result, latent, camera=shot.treatment.camera.intrinsics, to_next=to_next, notes=shot.notes)
 
 

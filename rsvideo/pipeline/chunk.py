@@ -64,7 +64,7 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
     def shown() -> Iterator[Picture]:
         for picture, result, to_next in restored(task.treatment, chunk, pictures, task.stream.colour, moving, observe):
             lines.append(output.frame_record(result, to_next).encode() + b"\n")
-            yield colour.codes(result.latent, picture, task.stream.colour) if result.verdict is Verdict.RESTORED else picture
+            yield colour.codes(result.latent, picture, task.stream.colour) if result.verdict.changed else picture
 
     record.sha256[record.pictures] = planes.write(folder / record.pictures, shown())
     write_whole({folder / record.frames: b"".join(lines)})

@@ -3,10 +3,10 @@
 Points (restoration.camera_path) settle the slow part of the motion, and the direction of time, which blur shows badly; blur shows the
 fast part, within an exposure. The path is one spline C, and
 
-    sum_k f_k(C) + tau (C - C_0)^T H (C - C_0)
+    tau (C - C_0)^T H (C - C_0) - sum_k s_k(C)
 
-is minimised over it, with f_k the sparsity of frame k's latent image (restoration.sparsity), and C_0, H the path that the tracks
-show and its precision. Everything here is along the scanlines, but for the `Movement` that is handed on.
+is minimised over it, with s_k the focus of frame k along the path (restoration.focus), and C_0, H the path that the tracks show and
+its precision. Everything here is along the scanlines, but for the `Movement` that is handed on.
 """
 
 from collections.abc import Iterable, Sequence
@@ -22,8 +22,8 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import sparsity
 from rsvideo.restoration.camera_path import CameraPath, exposure_length, follow, polynomial, unexplained, windows, within
+from rsvideo.restoration.focus import focus
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.refinement import SCALE
@@ -33,7 +33,7 @@ from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
 
 TRUST = 2e-3  # tau; origin: by trial
-BLURRED = 6.0  # px an exposure, from which on blur adds to what tracks show
+BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 STEPS = 6  # of L-BFGS; origin: by trial
 SPARE = 4  # evaluations beyond one a step, for line searches
 TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
@@ -110,7 +110,7 @@ def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frame
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:
-    """Minimise the sum of the scenes' f and tau (C - C_0)^T H (C - C_0) by L-BFGS, in units of H's own spread."""
+    """Minimise tau (C - C_0)^T H (C - C_0) less the scenes' focus by L-BFGS, in units of H's own spread."""
     path, shape = start.spline, start.spline.coefficients.shape
     root = np.linalg.cholesky(start.precision)
     local = [windows(path, t, s.camera.timing) for s, t in zip(scenes, begins, strict=True)]
@@ -125,10 +125,10 @@ def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, 
             inside = m @ coefficients
             inside[0] = 0  # a gauge
             theta = polynomial(scene.camera.timing, shape[1]).with_coefficients(inside)
-            f, slope = sparsity.objective(scene, theta, scene.search_ridge)
+            sharp, slope = focus(scene, theta)
             slope[0] = 0
-            value += f
-            gradient += m.T @ slope
+            value -= sharp
+            gradient -= m.T @ slope
         slope = solve_triangular(root, gradient.ravel(), lower=True)
         return SCALE * (value + TRUST * float(z @ z)), SCALE * (slope + 2 * TRUST * z)
 
@@ -143,7 +143,15 @@ def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> 
     inside = [within(path, float(t), timing) if k else None for t, k in zip(run.begins, frames, strict=True)]
     middles = path.at(run.begins + timing.middle)
     steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array(run.tied)[:, None]
-    return Movement(within=[*inside], steps=steps, tied=run.tied).in_image(run.direction)
+    return Movement(within=[*inside], steps=steps, tied=run.tied, errors=_errors(run, path)).in_image(run.direction)
+
+
+def _errors(run: Run, path: Spline) -> list[float]:
+    """How far points depart from the path in one exposure, px: what depth and moving things leave of each frame's blur unmodelled."""
+    beyond = unexplained(path, run.links, run.begins, run.camera)
+    speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
+    around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
+    return (run.camera.timing.exposure * np.maximum(around[:-1], around[1:])).tolist()
 
 
 def flows_beside(run: Run, path: CameraPath) -> list[Flow | None]:

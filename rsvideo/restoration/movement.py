@@ -21,6 +21,7 @@ class Movement:
     within: list[Trajectory | None]  # None where no point could be followed: such a frame stands alone
     steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next
     tied: list[bool]  # whether the next frame's points were followed; else its step is 0
+    errors: list[float] = field(default_factory=list)  # px by which points' own motion departs from the path in one exposure; 0 by default
     flows: list[Flow | None] = field(default_factory=list)  # what points do beyond that, along the scanlines always; none by default
 
     @classmethod
@@ -31,7 +32,11 @@ class Movement:
     def part(self, first: int, last: int) -> "Movement":
         """That of frames first, ..., last - 1."""
         return Movement(
-            within=self.within[first:last], steps=self.steps[first:last], tied=self.tied[first:last], flows=self.flows[first:last]
+            within=self.within[first:last],
+            steps=self.steps[first:last],
+            tied=self.tied[first:last],
+            errors=self.errors[first:last],
+            flows=self.flows[first:last],
         )
 
     def along_scanlines(self, direction: Direction) -> "Movement":

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float
 
 from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Camera
@@ -13,16 +14,21 @@ from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import search, single_frame
 from rsvideo.restoration.fusion import PosedImage, fused
 from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.rectification import rectified
 from rsvideo.restoration.scanlines import View, to_scanlines
+from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.search import Estimator
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
-from rsvideo.restoration.verdict import longest
+from rsvideo.restoration.trust import trust
+from rsvideo.restoration.verdict import beyond, longest
 
 NEIGHBOURS = 3  # frames on either side that a frame is restored with; origin: by trial
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # px, from which on it is fully restored
 TIMES = 33  # at which a frame's path is followed to see how far it leads
+LEAST_SHARE = 0.02  # of the restoration, over the frame; less is not worth the work
+SHARP_ENOUGH = 3.0  # px of blur, up to which a frame that is rectified only serves its neighbours
 ALONE = 0.6  # of a frame's work is done when it is restored by itself
 
 
@@ -31,8 +37,15 @@ class _Waiting:
     """A frame restored by itself, until its neighbours are there too."""
 
     restored: Restored
-    image: PosedImage | None  # None where it cannot serve others, nor they it
-    share: float  # of the restoration in what is shown
+    image: PosedImage | None = None  # None where it cannot serve others, nor they it
+    straight: Float[np.ndarray, "rows cols channels"] | None = None  # the frame rectified, shown where the restoration is not trusted
+    share: Float[np.ndarray, "rows cols 1"] | float = 1.0  # of the restoration in what is shown
+    noise: float = 0.0  # of the frame, as its blur's model leaves it
+
+    def mixed(self, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
+        """The restoration as far as it is trusted."""
+        assert self.straight is not None
+        return np.ascontiguousarray(self.straight + np.float32(self.share) * (np.clip(latent, 0, 1) - self.straight), np.float32)
 
 
 def restored(
@@ -47,13 +60,15 @@ def restored(
     """Each frame's latent image at the pose of the middle of its interval, with the help of its neighbours.
 
     A frame without a trajectory in `movement`, which is in image axes, is restored by itself, blindly. A frame that moves by less
-    than STILL px is left as it was, and up to MOVING px it is mixed with its restoration, so that nothing flickers. At most
-    2 NEIGHBOURS + 1 frames are kept.
+    than STILL px is left as it was, and up to MOVING px it is mixed with what becomes of it, so that nothing flickers. A motion
+    that was estimated is followed as far as `trust` says; elsewhere the frame is rectified only. A motion that is given is followed
+    as it is. At most 2 NEIGHBOURS + 1 frames are kept.
     """
     reach = NEIGHBOURS if settings.frames == "together" else 0
     movement = movement.along_scanlines(camera.timing.direction)
     poses = np.vstack([np.zeros((1, movement.steps.shape[1])), np.cumsum(movement.steps[:-1], axis=0)])
     group = np.cumsum([0, *(not t for t in movement.tied[:-1])])
+    errors = movement.errors or [None] * len(movement.within)
     waiting: dict[int, _Waiting] = {}
 
     def ready(k: int) -> FrameResult:
@@ -64,8 +79,12 @@ def restored(
         return done
 
     count = 0
-    for k, (frame, path) in enumerate(zip(frames, movement.within, strict=True)):
-        waiting[k] = _alone(to_scanlines(frame, camera), path, poses[k], settings, estimate)
+    for k, (frame, path, error) in enumerate(zip(frames, movement.within, errors, strict=True)):
+        view = to_scanlines(frame, camera)
+        if path is None:
+            waiting[k] = _Waiting(restored=single_frame.restored(view, settings, estimate=estimate))
+        else:
+            waiting[k] = _alone(view, path, poses[k], error, settings)
         observe(Progress(stage="restoring", fraction=ALONE, frame=frame.index))
         count = k + 1
         if k >= reach:
@@ -74,18 +93,27 @@ def restored(
         yield ready(k)
 
 
-def _alone(view: View, path: Trajectory | None, pose: np.ndarray, settings: Settings, estimate: Estimator) -> _Waiting:
-    """The frame restored by itself, along its path if there is one."""
-    if path is None:
-        return _Waiting(restored=single_frame.restored(view, settings, estimate=estimate), image=None, share=1.0)
-    moved = float(np.linalg.norm(np.ptp(path.at(np.linspace(*view.camera.timing.interval, TIMES))[:, :2], axis=0)))
-    share = float(np.clip((moved - STILL) / (MOVING - STILL), 0, 1))
-    if share == 0:
-        alone = Restored(view=view, trajectory=path, latent=view.pixels, verdict=Verdict.SHARP, seconds=0.0)
-    else:
-        alone = single_frame.restored(view, settings, path=path)
-    latent = np.ascontiguousarray(np.clip(alone.latent, 0, 1), np.float32)
-    return _Waiting(restored=alone, image=PosedImage(latent=latent, pose=pose, length=longest(view.camera, path)), share=share)
+def _alone(view: View, path: Trajectory, pose: np.ndarray, error: float | None, settings: Settings) -> _Waiting:
+    """The frame restored by itself, along its path; `error` is None where the path was given, and is not judged."""
+    started = time.monotonic()
+    reach = np.ptp(path.at(np.linspace(*view.camera.timing.interval, TIMES))[:, :2], axis=0)
+    moved = float(np.clip((np.linalg.norm(reach) - STILL) / (MOVING - STILL), 0, 1))
+    length = longest(view.camera, path)
+    left = Restored(view=view, trajectory=path, latent=view.pixels, verdict=Verdict.SHARP, seconds=0.0)
+    if beyond(view.camera, path):
+        return _Waiting(restored=replace(left, verdict=Verdict.UNEXPLAINED))
+    if moved == 0:
+        return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
+    share = np.ones((1, 1, 1), np.float32) if error is None else trust(scene_of(view, settings), path, length)[..., None]
+    straight = view.pixels if error is None else view.pixels + np.float32(moved) * (rectified(view, path).pixels - view.pixels)
+    if float(share.mean()) < LEAST_SHARE:
+        done = replace(left, latent=straight, verdict=Verdict.STRAIGHTENED, seconds=time.monotonic() - started)
+        return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
+    alone = single_frame.restored(view, settings, path=path, error=error or 0.0)
+    noise = single_frame.model_noise(view, error or 0.0)
+    waiting = _Waiting(restored=alone, straight=straight, share=moved * share, noise=noise)
+    image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
+    return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)
 
 
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
@@ -94,6 +122,5 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
     if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
     started, view = time.monotonic(), alone.view
-    latent = fused(tiled_frame(view, alone.trajectory, settings), image, others, view.camera.intrinsics, view.noise)
-    latent = view.pixels + np.float32(waiting.share) * (np.clip(latent, 0, 1) - view.pixels)
-    return replace(alone, latent=latent, seconds=alone.seconds + time.monotonic() - started)
+    latent = fused(tiled_frame(view, alone.trajectory, settings), image, others, view.camera.intrinsics, waiting.noise)
+    return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)

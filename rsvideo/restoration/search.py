@@ -68,7 +68,7 @@ def first_paths(scene: Scene, settings: Settings) -> Generator[Estimate, None, F
         return None
     part = replace(part, samples=max(part.samples, math.ceil(psf_fit.reach(strips))))
     fits = list(initialise.candidates(strips, part.camera, degree=settings.degree, most=settings.candidates))
-    candidates = [candidate for candidate in fits if not beyond(scene, candidate.trajectory)]
+    candidates = [candidate for candidate in fits if not beyond(scene.camera, candidate.trajectory)]
     if not candidates:
         yield Estimate(stage="candidate paths", fraction=ESTIMATED, trajectory=fits[0].trajectory)
         return None

@@ -8,13 +8,14 @@ import numpy as np
 from jaxtyping import Float
 
 from rsvideo.frame import FrameResult, Verdict
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import nonblind, scanlines, search
 from rsvideo.restoration.correction import ApproximatePath, corrected
 from rsvideo.restoration.nonblind import TiledFrame
 from rsvideo.restoration.scanlines import View
-from rsvideo.restoration.scene import scene_of
+from rsvideo.restoration.scene import gradient_power, scene_of
 from rsvideo.restoration.search import ESTIMATED, Estimator
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.verdict import judge, longest
@@ -37,7 +38,7 @@ class Restored:
             self.view,
             trajectory=self.trajectory,
             verdict=self.verdict,
-            latent=self.latent if self.verdict is Verdict.RESTORED else None,
+            latent=self.latent if self.verdict.changed else None,
             seconds=self.seconds,
             convergence=self.convergence,
         )
@@ -76,16 +77,19 @@ def restored(
     settings: Settings,
     *,
     path: Trajectory | None = None,
+    error: float = 0.0,
     start: ApproximatePath | None = None,
     estimate: Estimator = search.estimate,
     observe: Observer = ignore,
 ) -> Restored:
-    """What `restore` answers, all along the scanlines."""
+    """What `restore` answers, all along the scanlines; `error` is how far a given path may be off in one exposure, px."""
     started, timing = time.monotonic(), view.camera.timing
     found = _found(view, settings, start, estimate, observe) if path is None else _Found(trajectory=path, verdict=Verdict.RESTORED)
     path, latent = centred(found.trajectory, timing.middle), view.pixels
     if found.verdict is Verdict.RESTORED:
-        images = nonblind.deblur(tiled_frame(view, path, settings), prior=settings.prior, mu=settings.final_mu, noise=view.noise)
+        images = nonblind.deblur(
+            tiled_frame(view, path, settings), prior=settings.prior, mu=settings.final_mu, noise=model_noise(view, error)
+        )
         for step, image in enumerate(images):
             latent, done = image, min(step / nonblind.SPLITTINGS, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
@@ -104,6 +108,11 @@ def _found(view: View, settings: Settings, start: ApproximatePath | None, estima
         observe(Progress(stage=last.stage, fraction=last.fraction))
     assert last is not None  # an estimator yields at least once
     return _Found(trajectory=last.trajectory, verdict=judge(scene, last.trajectory), values=last.values)
+
+
+def model_noise(view: View, error: float) -> float:
+    """The noise that the model of the blur leaves: the sensor's, and what a path that is off by `error` px makes of the gradients."""
+    return float(np.hypot(view.noise, error * np.sqrt(gradient_power(luminance(view.pixels)))))
 
 
 def tiled_frame(view: View, path: Trajectory, settings: Settings) -> TiledFrame:

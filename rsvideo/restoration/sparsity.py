@@ -15,6 +15,7 @@ Its gradient is exact up to interpolation (adjoint method). With M = K^H K + rho
 m = M^-1 f'(l):  df = <m, dK^H r> - <m, K^H dK l> = <dK m, r> - <K m, dK l>.
 """
 
+from collections.abc import Iterator
 from typing import no_type_check
 
 import cv2
@@ -24,9 +25,11 @@ from numba import njit, prange
 
 from rsvideo.physics import tiles
 from rsvideo.physics.row_fourier import RowFourier
+from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.nonblind import TileSystem, tile_system
 from rsvideo.restoration.scene import Scene
+from rsvideo.solvers.banded import BandedFactor
 
 WINDOW = 49  # px over which gradients are compared; origin: by trial
 FAINT = 1e-4  # gradients below this are flat, white being 1
@@ -47,13 +50,16 @@ def texture_weight(frame: Float[np.ndarray, "rows cols"], typical: float) -> Flo
     return local / (local + HALF_WEIGHT * typical)
 
 
+def _local_power(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """|grad l|, the weight of the window about each pixel, and the mean of |grad l|^2 over it."""
+    area = _box(np.ones_like(power))
+    return np.sqrt(power + FAINT**2), area, _box(power) / area + FAINT**2
+
+
 def sparsity(latent: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "r c"]) -> tuple[float, Float[np.ndarray, "rows cols"]]:
     """sum w |grad l| / rms_local(grad l), and its derivative in l. The weight has one row and column less."""
     gx, gy = latent[:-1, 1:] - latent[:-1, :-1], latent[1:, :-1] - latent[:-1, :-1]
-    power = gx * gx + gy * gy
-    magnitude = np.sqrt(power + FAINT**2)
-    area = _box(np.ones_like(power))
-    local = _box(power) / area + FAINT**2
+    magnitude, area, local = _local_power(gx * gx + gy * gy)
     scale = 1 / np.sqrt(local)
     value = float((weight * magnitude * scale).sum())
     by_power = weight * scale / magnitude - _box(weight * magnitude * scale / local / area)  # twice df / d power
@@ -98,30 +104,41 @@ def _derivative_along_rows(op: RowFourier, spectrum: Complex[np.ndarray, "n freq
     return op.image(spectrum * (2j * np.pi / op.period * np.arange(op.frequencies)).astype(np.complex64))
 
 
-def _tile_objective(
-    system: TileSystem, offsets: Float[np.ndarray, "rows samples 2"], typical: float, ridge: float
-) -> tuple[float, float, Float[np.ndarray, "rows samples 2"]]:
-    """sum w |grad l| / rms, sum w, and the derivative of the first in every path sample's displacement."""
+def _latent(system: TileSystem, ridge: float) -> tuple[BandedFactor, np.ndarray, np.ndarray, np.ndarray]:
+    """M's factor, the frame completed beyond its columns, l = M^-1 K^H b as a spectrum, and K l."""
     op = system.op
     factor = system.normal.plus(1, system.roughness(ridge, FLOOR * ridge), ridge).factor()
     data, latent = system.completed, op.spectrum(np.zeros((op.latent_rows, op.period), np.float32))
     blurred = data
     for again in range(COMPLETIONS):
         data = system.complete(blurred) if again else system.completed
-        latent = factor.solve(op.adjoint(op.spectrum(data)))  # l = M^-1 K^H b
+        latent = factor.solve(op.adjoint(op.spectrum(data)))
         blurred = op.image(op.forward(latent))
-    image = op.image(latent)
-    rows, cols = op.rows, op.cols
+    return factor, data, latent, blurred
+
+
+def _measured(op: RowFourier) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """The part of a tile, in the frame and in the latent image, that is measured."""
     down, across = BORDER
-    in_frame = (slice(down, rows - down), slice(across, cols - across))
-    in_latent = (slice(op.top + down, op.top + rows - down), slice(op.left + across, op.left + cols - across))
+    rows, cols = slice(down, op.rows - down), slice(across, op.cols - across)
+    return (rows, cols), (slice(op.top + rows.start, op.top + rows.stop), slice(op.left + cols.start, op.left + cols.stop))
+
+
+def _tile_objective(
+    system: TileSystem, offsets: Float[np.ndarray, "rows samples 2"], typical: float, ridge: float
+) -> tuple[float, float, Float[np.ndarray, "rows samples 2"]]:
+    """sum w |grad l| / rms, sum w, and the derivative of the first in every path sample's displacement."""
+    op = system.op
+    factor, data, latent, blurred = _latent(system, ridge)
+    image = op.image(latent)
+    in_frame, in_latent = _measured(op)
     weight = texture_weight(system.frame[in_frame], typical)
     value, gradient = sparsity(image[in_latent], weight)
     slope = np.zeros_like(image)
     slope[in_latent] = gradient
     m = factor.solve(op.spectrum(slope))  # m = M^-1 f'(l)
     km = op.image(op.forward(m))
-    columns = slice(op.left, op.left + cols)
+    columns = slice(op.left, op.left + op.cols)
     out = np.empty(offsets.shape, np.float32)
     _sensitivity(
         op.image(m),
@@ -138,6 +155,16 @@ def _tile_objective(
     return value, float(weight.sum()), out
 
 
+def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"], TileSystem]]:
+    """The scene's tiles, each with the displacements of its path samples and its system."""
+    lens, timing = scene.camera.intrinsics, scene.camera.timing
+    count = 1 if trajectory.coefficients.shape[1] == 2 else scene.tiles
+    for tile in tiles.split(lens.cols, count, 0):
+        offsets = tiles.displacement(tile, trajectory, lens, timing, scene.samples)
+        columns = slice(tile.first, tile.last)
+        yield tile, offsets, tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
+
+
 def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
     """f(theta), about 0.5 to 0.8, and its derivative in the trajectory's coefficients."""
     axes = trajectory.coefficients.shape[1]
@@ -145,14 +172,31 @@ def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float
     lens, timing = scene.camera.intrinsics, scene.camera.timing
     basis = trajectory.basis(timing.sample_times(scene.samples))
     value, total, gradient = 0.0, 0.0, np.zeros_like(trajectory.coefficients)
-    count, typical = 1 if axes == 2 else scene.tiles, scene.gradient_power
-    for tile in tiles.split(lens.cols, count, 0):
-        offsets = tiles.displacement(tile, trajectory, lens, timing, scene.samples)
-        columns = slice(tile.first, tile.last)
-        system = tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
+    typical = scene.gradient_power
+    for tile, offsets, system in _tiles(scene, trajectory):
         v, w, by_sample = _tile_objective(system, offsets, typical, ridge)
         value += v
         total += w
         lever = tiles.levers(tile, lens, timing.rows, axes)
         gradient += np.tensordot(basis, by_sample @ lever, axes=((0, 1), (0, 1)))
     return value / total, gradient * scene.unit(axes) / total
+
+
+def value(scene: Scene, trajectory: Trajectory, ridge: float) -> float:
+    """f(theta) alone."""
+    total, weight = density(scene, trajectory, ridge)
+    return float(total.sum() / weight.sum())
+
+
+def density(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[Float[np.ndarray, "rows cols"], Float[np.ndarray, "rows cols"]]:
+    """What each pixel adds to the numerator of f(theta), w |grad l| / rms, and its weight w; 0 where f is not measured."""
+    trajectory = scene.scaled(trajectory)
+    value, weight = np.zeros(scene.frame.shape, np.float32), np.zeros(scene.frame.shape, np.float32)
+    for tile, _, system in _tiles(scene, trajectory):
+        in_frame, in_latent = _measured(system.op)
+        image = system.op.image(_latent(system, ridge)[2])[in_latent]
+        magnitude, _, local = _local_power(np.diff(image, axis=1)[:-1] ** 2 + np.diff(image, axis=0)[:, :-1] ** 2)
+        w = texture_weight(system.frame[in_frame], scene.gradient_power)
+        place = (slice(in_frame[0].start, in_frame[0].stop - 1), slice(tile.first + in_frame[1].start, tile.first + in_frame[1].stop - 1))
+        value[place], weight[place] = w * magnitude / np.sqrt(local), w
+    return value, weight

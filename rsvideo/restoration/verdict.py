@@ -28,7 +28,7 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
     the energy across it is much higher still. The latent image's edges are hardly ever less sparse than the frame's own, unless
     restoring across the path makes them far less sparse; otherwise the strips' kernels described the picture and not its blur.
     """
-    if beyond(scene, path):
+    if beyond(scene.camera, path):
         return Verdict.UNEXPLAINED
     part = windowed(scene)
     rest = path.with_coefficients(0 * path.coefficients)
@@ -41,10 +41,10 @@ def judge(scene: Scene, path: Trajectory) -> Verdict:
     return Verdict.UNEXPLAINED if f - f_rest > DENSER + CONTRAST * (f_across - f) else Verdict.RESTORED
 
 
-def beyond(scene: Scene, path: Trajectory) -> bool:
+def beyond(camera: Camera, path: Trajectory) -> bool:
     """Whether the path leads over more than half the frame: no hand's does, and kernels that show such a path describe the picture."""
-    poses = path.at(np.linspace(*scene.camera.timing.interval, TIMES))[:, :2]
-    return float(np.ptp(poses, axis=0).max()) > FARTHEST * min(scene.frame.shape)
+    poses = path.at(np.linspace(*camera.timing.interval, TIMES))[:, :2]
+    return float(np.ptp(poses, axis=0).max()) > FARTHEST * min(camera.intrinsics.rows, camera.intrinsics.cols)
 
 
 def longest(camera: Camera, path: Trajectory) -> float:

@@ -1,0 +1,41 @@
+"""How sharply a path is in focus: what f gains at the path itself, against the same path shorter and longer.
+
+f, the sparsity of the latent image (restoration.sparsity), falls with any path that leads less far, whatever the truth is, since
+latent images lose edges to any blur. So a search for the least f shortens paths, and pushes their motion to the ends of the exposure.
+About the true path, and only there, f has a dip besides. Its depth,
+
+    s(theta) = (f(theta / a) + f(a theta)) / 2 - f(theta),
+
+does not feel the slope beside it, as a lens is focused by the sharpest of a series of pictures and not by their brightness.
+"""
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration import sparsity
+from rsvideo.restoration.scene import Scene
+
+SCALE = 1.25  # a: the dip is about as wide as this ratio
+_TERMS = ((1.0, -1.0), (1 / SCALE, 0.5), (SCALE, 0.5))  # factors of the path, and weights of f along it
+
+
+def focus(scene: Scene, path: Trajectory) -> tuple[float, Float[np.ndarray, "terms axes"]]:
+    """s(theta) and its derivative in the path's coefficients. The path is 0 at rest: `path` has no constant part."""
+    value, gradient = 0.0, np.zeros_like(path.coefficients)
+    for factor, weight in _TERMS:
+        f, slope = sparsity.objective(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
+        value += weight * f
+        gradient += weight * factor * slope
+    return value, gradient
+
+
+def focus_map(scene: Scene, path: Trajectory, size: float) -> Float[np.ndarray, "rows cols"]:
+    """s(theta) of the `size` px about each pixel; 0 where there is no texture to tell by."""
+    total = np.zeros(scene.frame.shape, np.float32)
+    for factor, weight in _TERMS:
+        value, counted = sparsity.density(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
+        total += np.float32(weight) * value
+    local = [cv2.GaussianBlur(image, (0, 0), size / 2) for image in (total, counted)]
+    return local[0] / np.maximum(local[1], 1e-6)
