@@ -238,12 +238,24 @@ class Sections(Section):
         return getattr(getattr(self, field.section), field.name)
 
 
+class Measured(BaseModel):
+    """What was measured from a clip's own frames."""
+
+    model_config = ConfigDict(frozen=True)
+
+    exposure: float | None = None  # s; None where blur does not show it
+    deviation: float = 0.0  # s
+    readout: float | None = None  # s; None where motion does not show it, or nobody had to measure it
+    unclear: tuple[str, ...] = ()  # why what is None could not be measured
+
+
 class Request(Sections):
     """One photograph or clip, what it becomes, and how."""
 
     source: Path
     output: Path
     overwrite: bool = False
+    measured: Measured | None = None  # once the request is prepared
 
     @classmethod
     def of(cls, source: Path, output: Path, sections: Sections, *, overwrite: bool = False) -> "Request":

@@ -3,7 +3,7 @@
 A photograph is one frame without neighbours; what else differs is how it is opened (`take`, `clip_facts`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rsvideo.config import sidecar
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from rsvideo.video.stream import Stream
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
+USUAL_FOCAL = 0.85  # of the longer side: most phones and cameras have 0.7 to 1.0
 _WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
 _NO_SHUTTER = Camera(exposure=1e-3, readout=0.0)  # of the method none, which does not use it
@@ -124,6 +125,7 @@ def prepare(request: Request) -> Task:
             " so small a picture has nothing to measure motion by"
         )
     first, last, encoding, written = _frames_and_encoding(request, opened)
+    request, opened = _measured(request, opened, first, last)
     shutter = timing.resolve(_NO_SHUTTER if request.deblur.method is Method.NONE else request.camera, opened.shutter)
     camera, lens_notes = camera_of(request, opened.shutter, opened.profile, opened.focal, opened.focal_notes)
     settings = settings_of(request)
@@ -140,8 +142,45 @@ def prepare(request: Request) -> Task:
         encoding=encoding,
         first=first,
         last=last,
-        notes=(*opened.notes, *shutter.notes, *lens_notes, *((gyro.note,) if gyro and gyro.note else ()), *written),
+        notes=(
+            *opened.notes,
+            *_unclear(request, shutter),
+            *shutter.notes,
+            *lens_notes,
+            *((gyro.note,) if gyro and gyro.note else ()),
+            *written,
+        ),
     )
+
+
+def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Request, Take]:
+    """The same with what the clip's own frames show of its shutter, where our method needs it and it was not measured before."""
+    motion, deblur = request.motion, request.deblur
+    ours = deblur.method is Method.RSVIDEO and motion.trajectory is None and deblur.frames != "cold"
+    if not request.is_clip or not ours or isinstance(opened.source, Still):
+        return request, opened
+    if request.measured is None:
+        from rsvideo.pipeline import clip_frames, measuring
+
+        if not measuring.needed(request.camera, opened.shutter):
+            return request, opened
+        begin = max(first, (first + last - measuring.FRAMES) // 2)
+        shown = clip_frames.decoded(opened.source, begin, min(last, begin + measuring.FRAMES), on_damage=request.input.on_damage)
+        lens = opened.profile.intrinsics if opened.profile else None
+        focal = request.camera.focal_px or (
+            lens.fx if lens else opened.focal.value if opened.focal else USUAL_FOCAL * max(opened.shutter.rows, opened.shutter.cols)
+        )
+        request = request.replaced(measured=measuring.measured(shown, request.camera, opened.shutter, focal))
+    return request, replace(opened, shutter=replace(opened.shutter, measured=request.measured))
+
+
+def _unclear(request: Request, shutter: timing.Resolved) -> tuple[str, ...]:
+    """What could not be measured and is assumed."""
+    if request.measured is None or not any(fact.source.startswith("assumed") for fact in (shutter.exposure, shutter.readout)):
+        return ()
+    named = (("exposure", shutter.exposure), ("readout", shutter.readout))
+    taken = ", ".join(f"{name} {1e3 * fact.value:.3g} ms" for name, fact in named if fact.source.startswith("assumed"))
+    return (f"the clip does not show all of its timing ({'; '.join(request.measured.unclear)}): {taken} is assumed",)
 
 
 def _check(request: Request) -> None:
@@ -221,6 +260,9 @@ def camera_of(
         focal, source, notes = focal_fact.value, focal_fact.source, focal_notes
     elif shift or not request.deblur.method.needs_lens:
         focal, source = float(longer), "assumed"  # a shift does not depend on it
+    elif request.is_clip:
+        focal, source = USUAL_FOCAL * longer, "assumed"
+        notes = (f"focal length {focal:.0f} px is assumed, {USUAL_FOCAL:g} of the longer side: roll depends on it; --focal-px states it",)
     else:
         raise ValueError(
             f"focal-px must be given, {request.source} does not say its focal length, as EXIF's 35 mm equivalent does;"

@@ -33,9 +33,9 @@ def focus(scene: Scene, path: Trajectory) -> tuple[float, Float[np.ndarray, "ter
 
 def focus_map(scene: Scene, path: Trajectory, size: float) -> Float[np.ndarray, "rows cols"]:
     """s(theta) of the `size` px about each pixel; 0 where there is no texture to tell by."""
-    total = np.zeros(scene.frame.shape, np.float32)
+    total = counted = np.zeros(scene.frame.shape, np.float32)
     for factor, weight in _TERMS:
         value, counted = sparsity.density(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
-        total += np.float32(weight) * value
+        total = total + np.float32(weight) * value
     local = [cv2.GaussianBlur(image, (0, 0), size / 2) for image in (total, counted)]
     return local[0] / np.maximum(local[1], 1e-6)

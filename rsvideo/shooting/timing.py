@@ -12,12 +12,16 @@ import math
 from dataclasses import dataclass, replace
 
 from rsvideo.config.quantity import HAND_HELD_LIMIT, hand_held
-from rsvideo.config.request import Camera
+from rsvideo.config.request import Camera, Measured
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
 _APART = 0.05  # of a readout; a note names sources that differ by more
+_CONTRADICTED = 1.4  # ratio of a stated exposure and the measured one from which on one of them is wrong; origin: by trial
+_CERTAIN = 3.0  # deviations of the measured one, by which they must differ too
+_MILD = 0.25  # of a frame's period: the exposure of a clip whose blur does not show it; too short is the milder error
+_USUAL_READOUT = 0.5  # of a frame's period: the readout of a clip whose motion does not show it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +39,7 @@ class Sources:
     table: Readout | None = None  # of published times
     estimated_readout: Fact[float] | None = None  # from the clip's own pictures
     estimated_direction: Fact[Direction] | None = None
+    measured: Measured | None = None  # from the clip's own frames
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,13 +92,46 @@ def exposure_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tu
             f"only one of --exposure and --shutter-angle may be given, got {given.exposure:g} s and {given.shutter_angle:g} degrees"
         )
     if given.exposure is not None:
-        return Fact(value=_within_period("exposure", given.exposure, given, sources), source="explicit"), ()
+        return _checked(Fact(value=_within_period("exposure", given.exposure, given, sources), source="explicit"), given, sources)
     if given.shutter_angle is not None:
         if sources.fps is None:
             raise ValueError("shutter-angle needs a frame rate, a photograph has none; give --exposure")
         angle = given.shutter_angle
-        return Fact(value=angle / 360 / sources.fps, source=f"shutter angle of {angle:g} degrees"), ()
-    return _usable("exposure", sources.exposure, given, sources)
+        return _checked(Fact(value=angle / 360 / sources.fps, source=f"shutter angle of {angle:g} degrees"), given, sources)
+    stated, notes = _usable("exposure", sources.exposure, given, sources)
+    if stated is None and sources.measured is not None and sources.fps is not None:
+        return _from_blur(sources.measured, sources.fps), notes
+    return stated, notes
+
+
+def _from_blur(measured: Measured, fps: float) -> Fact[float]:
+    """The measured exposure, or the mild one where blur does not show it."""
+    if measured.exposure is None:
+        return Fact(value=_MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps))
+    spread = 2 * measured.deviation
+    return Fact(
+        value=measured.exposure, source="measured from the clip's blur", within=(measured.exposure - spread, measured.exposure + spread)
+    )
+
+
+def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact[float], tuple[str, ...]]:
+    """What is typed in, or what the blur shows if that contradicts it."""
+    measured = sources.measured
+    if measured is None or measured.exposure is None or given.force or sources.fps is None:
+        return stated, ()
+    ratio = stated.value / measured.exposure
+    apart = abs(stated.value - measured.exposure)
+    if max(ratio, 1 / ratio) < _CONTRADICTED or apart < _CERTAIN * measured.deviation:
+        return stated, ()
+    times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
+    return _from_blur(measured, sources.fps), (
+        f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion;"
+        f" is it {_fraction(measured.exposure)}? {_ms(measured.exposure)} is taken, --force takes what is given",
+    )
+
+
+def _fraction(seconds: float) -> str:
+    return f"1/{round(1 / seconds)} s"
 
 
 def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tuple[str, ...]]:
@@ -116,11 +154,19 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
         )
     if sources.fps is None:
         return None, notes
+    if sources.measured is not None:
+        return _from_motion(sources.measured, sources.fps), notes
     return Fact(value=1 / sources.fps, source="frame rate", within=(0.0, 1 / sources.fps)), (
         *notes,
         f"readout {_ms(1 / sources.fps)} is only its upper bound, the whole period of a frame: no other source says it;"
         " most cameras read in about half of that; --readout, --camera or --scanlines-total say more",
     )
+
+
+def _from_motion(measured: Measured, fps: float) -> Fact[float]:
+    if measured.readout is None:
+        return Fact(value=_USUAL_READOUT / fps, source="assumed, half of a frame's period", within=(0.0, 1 / fps))
+    return Fact(value=measured.readout, source="measured from the clip's motion")
 
 
 def direction_of(given: Camera, sources: Sources) -> Fact[Direction]:

@@ -1,0 +1,75 @@
+"""What nobody states of a clip's shutter, measured from some of its frames: how points move shows the readout, blur the exposure."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from calibration.timing.cannot_tell import CannotTellError
+from calibration.timing.pair_motion import Pair
+from calibration.timing.readout_measurement import directions
+from calibration.timing.self_calibration import explain
+from rsvideo.config.request import Camera as Stated
+from rsvideo.config.request import Measured
+from rsvideo.frame import Frame
+from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.restoration import clip_motion, exposure
+from rsvideo.restoration.clip_motion import Run
+from rsvideo.restoration.settings import Settings
+from rsvideo.shooting import timing
+from rsvideo.shooting.timing import Sources
+
+FRAMES = 40  # from the middle of what is restored
+DECIMALS = 6  # of seconds, so that a clip that is measured again gives the same
+_ASSUMED = 0.5  # of a frame's period: the exposure and the readout with which points are followed until both are measured
+
+
+def needed(given: Stated, sources: Sources) -> bool:
+    """Whether a clip's exposure or readout is stated by nobody, or its exposure is typed in, and not to be forced."""
+    typed = (given.exposure is not None or given.shutter_angle is not None) and not given.force
+    return typed or timing.exposure_of(given, sources)[0] is None or _readout_unknown(given, sources)
+
+
+def _readout_unknown(given: Stated, sources: Sources) -> bool:
+    readout, _ = timing.readout_of(given, sources)
+    return readout is None or readout.within == (0.0, readout.value)
+
+
+def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: float) -> Measured:
+    """The exposure, and where it is unknown the readout, of successive frames of a clip."""
+    assert sources.fps is not None
+    period, rows, cols = 1 / sources.fps, sources.rows, sources.cols
+    direction = timing.direction_of(given, sources).value
+    intrinsics = Intrinsics.centred(focal=focal, rows=rows, cols=cols)
+
+    def camera(readout: float) -> Camera:
+        scanlines = rows if direction.by_row else cols
+        shutter = ShutterTiming.from_readout(exposure=_ASSUMED * period, readout=readout, rows=scanlines, direction=direction)
+        return Camera(timing=shutter, intrinsics=intrinsics)
+
+    run = clip_motion.gather(frames, camera(_ASSUMED * period), Settings())
+    if not run.followed.any():
+        return Measured(unclear=("no points could be followed from frame to frame",))
+    unclear: list[str] = []
+    readout: float | None = None
+    if _readout_unknown(given, sources):
+        try:
+            readout = round(_readout(run, period, direction), DECIMALS)
+        except CannotTellError as error:
+            unclear.append(f"readout: {error}")
+    else:
+        stated, _ = timing.readout_of(given, sources)
+        readout = stated.value if stated else None
+    settled = camera(_ASSUMED * period if readout is None else readout)
+    found = exposure.measured(replace(run, camera=settled.along_scanlines(), source_camera=settled), period)
+    if isinstance(found, exposure.Unclear):
+        return Measured(readout=readout, unclear=(*unclear, f"exposure: {found.reason}"))
+    return Measured(
+        exposure=round(found.value, DECIMALS), deviation=round(found.deviation, DECIMALS), readout=readout, unclear=tuple(unclear)
+    )
+
+
+def _readout(run: Run, period: float, direction: Direction) -> float:
+    lens = run.camera.intrinsics
+    begins = run.begins.tolist()
+    pairs = [Pair(before=t.before, after=t.after, begins=(a, b)) for t, a, b in zip(run.links, begins, begins[1:], strict=False)]
+    return explain(pairs, rows=lens.rows, cols=lens.cols, period=period, downwards=directions(direction)).readout
