@@ -199,7 +199,7 @@ class _Pair:
         return cls(
             design=poses[1] - poses[0],
             levers=lever(camera.intrinsics, middle[:, 0], middle[:, 1], path.coefficients.shape[1]),
-            fields=_fields(camera, middle),
+            fields=_fields(camera, middle) * float(begins[1] != begins[0]),  # two views of one moment show the same depth
             elapsed=when[1] - when[0],
             moved=tracks.before - tracks.after,  # a camera that moves right moves the image left
         )

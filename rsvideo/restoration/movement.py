@@ -27,7 +27,7 @@ class Movement:
     @classmethod
     def unfollowed(cls, frames: int, axes: int) -> "Movement":
         """That of frames of which none could be followed."""
-        return cls(within=[None] * frames, steps=np.zeros((frames, axes)), tied=[False] * frames)
+        return cls(within=[None] * frames, steps=np.zeros((frames, axes)), tied=[False] * frames, errors=[0.0] * frames)
 
     def part(self, first: int, last: int) -> "Movement":
         """That of frames first, ..., last - 1."""

@@ -39,7 +39,7 @@ class _Waiting:
     restored: Restored
     image: PosedImage | None = None  # None where it cannot serve others, nor they it
     straight: Float[np.ndarray, "rows cols channels"] | None = None  # the frame rectified, shown where the restoration is not trusted
-    share: Float[np.ndarray, "rows cols 1"] | float = 1.0  # of the restoration in what is shown
+    share: Float[np.ndarray, "rows cols 1"] | float | np.float32 = 1.0  # of the restoration in what is shown
     noise: float = 0.0  # of the frame, as its blur's model leaves it
 
     def mixed(self, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
@@ -104,14 +104,14 @@ def _alone(view: View, path: Trajectory, pose: np.ndarray, error: float | None, 
         return _Waiting(restored=replace(left, verdict=Verdict.UNEXPLAINED))
     if moved == 0:
         return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
-    share = np.ones((1, 1, 1), np.float32) if error is None else trust(scene_of(view, settings), path, length)[..., None]
+    share = 1.0 if error is None else trust(scene_of(view, settings), path, length)[..., None]
     straight = view.pixels if error is None else view.pixels + np.float32(moved) * (rectified(view, path).pixels - view.pixels)
-    if float(share.mean()) < LEAST_SHARE:
+    if np.mean(share) < LEAST_SHARE:
         done = replace(left, latent=straight, verdict=Verdict.STRAIGHTENED, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
     alone = single_frame.restored(view, settings, path=path, error=error or 0.0)
     noise = single_frame.model_noise(view, error or 0.0)
-    waiting = _Waiting(restored=alone, straight=straight, share=moved * share, noise=noise)
+    waiting = _Waiting(restored=alone, straight=straight, share=np.float32(moved) * share, noise=noise)
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)
 

@@ -12,6 +12,7 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Rendering
 from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, fit
+from rsvideo.restoration import rectification
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View, path_along_scanlines, to_scanlines
@@ -40,7 +41,7 @@ def along(frame: Frame, path: Trajectory | None, timing: ShutterTiming, lens: In
 def rectified(frame: Frame, path: Trajectory, timing: ShutterTiming, lens: Intrinsics) -> Frame:
     view, path_along = along(frame, path, timing, lens)
     assert path_along is not None
-    return rectify.rectified(view, path_along).frame
+    return rectification.rectified(view, path_along).frame
 
 
 def restored(frame: Frame, path: Trajectory | None, timing: ShutterTiming, lens: Intrinsics, flow: Flow | None = None) -> FrameResult:

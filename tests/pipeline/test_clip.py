@@ -113,8 +113,6 @@ def test_a_range_beyond_the_clip_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ({"exposure": None}, "exposure"),
-        ({"focal_px": None}, "focal-px"),
         ({"readout": 0.05}, "readout"),
         ({"codec": "prores"}, "ProRes must be written to .mov"),
         ({"rate": "fast"}, "rate must be a number of frames a second"),

@@ -47,8 +47,6 @@ def test_a_request_that_states_nothing_has_the_cores_own_settings(source: Path) 
     [
         ({**GOOD, "focal_px": 4.2}, r"focal-px must be at least 12.8 px .* got 4.2; is it in millimetres\?"),
         ({**GOOD, "readout": None, "row_time": 0.03}, r"row-time must let 48 rows be read in 1 s, got 0.03 s a row; is it in milliseconds"),
-        ({"readout": 0.02, "focal_px": 100}, "exposure must be given"),
-        ({"exposure": 0.02, "readout": 0.02}, r"focal-px must be given.*--motion shift does without"),
     ],
 )
 def test_slips_of_the_unit_are_told_alike(source: Path, camera: dict[str, Any], words: str) -> None:
