@@ -52,7 +52,7 @@ def lens(
         import calibration
         from calibration.boards.target import parse
         from calibration.output import file_format
-        from rsvideo.cli.progress import bar
+        from rsvideo.cli.progress import progress_bar
         from rsvideo.config.quantity import hand_held, seconds
         from rsvideo.report.plots import FORMATS
 
@@ -62,14 +62,14 @@ def lens(
             file_format(figure, FORMATS, overwrite=overwrite)
         before = earlier(output, add=add, overwrite=overwrite)
         try:
-            with bar() as tell:
+            with progress_bar() as observe:
                 found = calibration.lens(
                     sources,
                     board,
                     model=None if model is Model.AUTO else model.value,
                     find_shape=bent,
                     readout=rolling,
-                    observer=lambda progress: tell(progress.stage, progress.fraction),
+                    observer=observe,
                 )
         except calibration.TooFewViewsError as error:
             _say_refused(error.refused)

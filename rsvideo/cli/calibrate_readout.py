@@ -48,14 +48,14 @@ def readout(
 
     with refusing():
         import calibration
-        from rsvideo.cli.progress import bar
+        from rsvideo.cli.progress import progress_bar
         from rsvideo.config.quantity import frame_rate
 
         before = earlier(output, add=add, overwrite=overwrite)
         _check_method(source, flicker, from_clip, from_table, scanlines_total, from_frame_rate=from_frame_rate)
         fps = None if rate is None else frame_rate(rate)
         hertz = None if flicker is None else _hertz(flicker)
-        with bar() as tell:
+        with progress_bar() as observe:
             found = calibration.readout(
                 from_clip or source,
                 flicker=hertz,
@@ -66,7 +66,7 @@ def readout(
                 frame_rate=fps,
                 direction=direction,
                 frames=frames,
-                observer=lambda progress: tell(progress.stage, progress.fraction),
+                observer=observe,
             )
         if isinstance(found, calibration.CannotTell):
             say(f"cannot tell the readout: {found.reason}")

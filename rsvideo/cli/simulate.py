@@ -200,10 +200,10 @@ def _staged(
 def _rendered(photo: "Still", staged: "Stage", noise: "Noise", *, gain: float, samples: int, seed: int) -> "Rendering":
     import numpy as np
 
-    from rsvideo.cli.progress import bar
+    from rsvideo.cli.progress import progress_bar
     from rsvideo.physics.simulate import render
 
-    with bar() as show:
+    with progress_bar() as observe:
         return render(
             photo.pixels,
             camera=staged.camera,
@@ -213,7 +213,7 @@ def _rendered(photo: "Still", staged: "Stage", noise: "Noise", *, gain: float, s
             rng=np.random.default_rng([seed, 1]),  # not the hand's numbers
             samples=samples,
             gain=gain,
-            tell=lambda fraction: show("rendering", fraction),
+            observe=observe,
         )
 
 

@@ -6,7 +6,6 @@ through the same lens. This is the slow twin of the blur operator and shares not
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import no_type_check
 
@@ -21,8 +20,9 @@ from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.progress import Observer, Progress, ignore
 
-BAND = 32  # scanlines rendered between two calls of `tell`, and before an interrupt is seen
+BAND = 32  # scanlines rendered between two reports of progress, and before an interrupt stops the work; origin: by trial
 SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
 
 
@@ -44,14 +44,13 @@ def render(
     rng: np.random.Generator,
     samples: int = SAMPLES,
     gain: float = 1.0,
-    tell: Callable[[float], object] = float,
+    observe: Observer = ignore,
 ) -> Rendering:
     """The frame of `camera` at the middle of a `scene` in linear light, which is larger so that its borders show real content.
 
     Poses are those of the image, whichever way its scanlines are read. Light above white / gain clips, in the truth too.
-    `tell` is given the fraction that is done.
     """
-    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, tell=tell)
+    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, observe=observe)
     blurred = blurred + rng.standard_normal(blurred.shape) * noise.at(blurred)
     truth = gain * still(scene, camera=camera, pose=trajectory.at(np.array([timing.middle]))[0])
     return Rendering(blurred=np.clip(blurred, 0, 1).astype(np.float32), truth=np.clip(truth, 0, 1).astype(np.float32))
@@ -64,7 +63,7 @@ def blur(
     timing: ShutterTiming,
     trajectory: Trajectory,
     samples: int = SAMPLES,
-    tell: Callable[[float], object] = float,
+    observe: Observer = ignore,
 ) -> Float[np.ndarray, "rows cols channels"]:
     """The noiseless, unclipped light of each pixel: the mean over its scanline's exposure (Eq. 3), in float64."""
     if samples < 1:
@@ -75,7 +74,7 @@ def blur(
     times = timing.sample_times(samples)
     poses = trajectory.at(times.ravel())
     maps = homographies(poses, camera=camera).reshape(*times.shape, 3, 3)
-    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera, tell=tell))
+    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera, observe=observe))
 
 
 def still(
@@ -84,7 +83,7 @@ def still(
     """The sharp frame at one pose."""
     x, y = _pixels(camera)
     maps = np.broadcast_to(homographies(pose[None], camera=camera), (len(x), 1, 3, 3))
-    return _sampled_through(scene, x, y, maps, camera=camera, tell=float)
+    return _sampled_through(scene, x, y, maps, camera=camera, observe=ignore)
 
 
 def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> Float[np.ndarray, "n 3 3"]:
@@ -145,7 +144,7 @@ def _sampled_through(
     maps: Float[np.ndarray, "lines samples 3 3"],
     *,
     camera: Intrinsics,
-    tell: Callable[[float], object],
+    observe: Observer,
 ) -> Float[np.ndarray, "lines along channels"]:
     """The mean over `maps` of a line of the scene at the mapped positions of the line's pixels; the frame is the scene's middle."""
     rows, cols = scene.shape[:2]
@@ -158,7 +157,7 @@ def _sampled_through(
     for start in range(0, len(x), BAND):
         band = slice(start, start + BAND)
         bands.append(_mean_of_samples(scene, x[band], y[band], maps[band], lens, left, top))
-        tell(min(start + BAND, len(x)) / len(x))
+        observe(Progress(stage="rendering", fraction=min(start + BAND, len(x)) / len(x)))
     return np.concatenate(bands)
 
 
