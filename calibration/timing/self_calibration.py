@@ -30,6 +30,7 @@ _VAGUE = 0.07  # of the readout; a larger deviation is no answer
 _VAGUE_GLOBAL = 0.02  # of a frame's period; the largest deviation with which a global shutter is recognised
 _GLOBAL = 3  # deviations, below which a readout is none
 _APART = 9.0  # mean square of deviations by which parts of a clip may disagree
+_CURVATURE_STEP = 0.25  # of the distance between readouts that are tried, over which the cost's curvature is measured; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +116,7 @@ def _refuse_vague(readout: float, std: float, period: float) -> None:
 
 def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float]:
     """The curvature of the cost in the readout, and its standard deviation, larger where parts of the clip disagree."""
-    step = spacing / rows / 4
+    step = _CURVATURE_STEP * spacing / rows
     total = curvature(chunks, fit, step)
     misfits = []
     for chunk in chunks:

@@ -255,8 +255,12 @@ def _carried_out(work: _Work, observe: "Observer", how: _How) -> "tuple[Comparis
     from rsvideo.progress import within
 
     orders = [method_run.Order(request=request) for request in work.requests]
-    attempts = method_run.all_of(orders, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=within(observe, 0.0, 0.9))
-    measured = compare.compared(work.requests[0], attempts, truth=work.truth, crops=work.crops, observe=within(observe, 0.9, 1.0))
+    attempts = method_run.all_of(
+        orders, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=within(observe, 0.0, method_run.RUNNING)
+    )
+    measured = compare.compared(
+        work.requests[0], attempts, truth=work.truth, crops=work.crops, observe=within(observe, method_run.RUNNING, 1.0)
+    )
     return measured, attempts
 
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 MOST_LOG_BYTES = 500_000_000
 MOST_YAML_BYTES = 100_000
-USUAL_NOISE = 0.003  # at half of white: a small sensor's at base sensitivity
 
 Source = Annotated[Path, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
 Output = Annotated[Path, Option("-o", "--output", metavar="OUT", help="The blurred frame; motion.csv and case.json go beside it.")]
@@ -102,6 +101,7 @@ def simulate(
     """
     from rsvideo.cli.exit_codes import RefusedError
     from rsvideo.config.files import UnreadableError
+    from rsvideo.physics.simulate import MOST_GAIN
     from rsvideo.physics.tone import Transfer
     from rsvideo.stills import still
 
@@ -110,8 +110,8 @@ def simulate(
     try:
         kinds = still.Format.of_output(output), still.Format.of_output(truth)
         _check_names(files, source, overwrite=overwrite)
-        if not 0 < gain <= 1000:
-            raise ValueError(f"gain must lie in (0, 1000], got {gain:g}")
+        if not 0 < gain <= MOST_GAIN:
+            raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
         optics = _optics(camera, focal_px, readout, row_time, direction, noise)
         moved, said = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
         photo = still.read(source, Transfer(transfer) if transfer else None)
@@ -146,6 +146,7 @@ def _optics(
     from rsvideo.config.quantity import hand_held, seconds
     from rsvideo.physics.noise import Noise
     from rsvideo.physics.shutter import Direction
+    from rsvideo.physics.simulate import USUAL_NOISE
     from rsvideo.shooting import profiles
 
     profile = profiles.find(camera) if camera is not None else None

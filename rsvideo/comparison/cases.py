@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from rsvideo.comparison.decoded import pictures
-from rsvideo.comparison.method_run import Attempt, Order, all_of
+from rsvideo.comparison.method_run import RUNNING, Attempt, Order, all_of
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.method import Method
 from rsvideo.config.request import Request
@@ -19,6 +19,7 @@ from rsvideo.report import metrics
 from rsvideo.report.table import DOES_NOT_APPLY, Row, Table
 
 MOST_CASES = 10_000
+_MOST_CASE_BYTES = 1_000_000  # of a case.json, which has a few hundred
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -61,7 +62,7 @@ def find(folder: Path) -> list[Case]:
 
 def _case(path: Path) -> Case:
     try:
-        shot = _Shot.model_validate_json(read_whole(path, most=1_000_000))
+        shot = _Shot.model_validate_json(read_whole(path, most=_MOST_CASE_BYTES))
     except ValidationError as error:
         first = error.errors()[0]
         raise UnreadableError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
@@ -91,11 +92,11 @@ def scored(
         for method in methods
         if case.clip or not method.needs_clip
     }
-    done = all_of(list(orders.values()), most=most, resume=resume, quiet=quiet, observe=within(observe, 0.0, 0.9))
+    done = all_of(list(orders.values()), most=most, resume=resume, quiet=quiet, observe=within(observe, 0.0, RUNNING))
     made = dict(zip(orders, done, strict=True))
     rows = []
     for n, case in enumerate(cases):
-        observe(Progress(stage=f"measuring {case.name}", fraction=0.9 + 0.1 * n / len(cases)))
+        observe(Progress(stage=f"measuring {case.name}", fraction=RUNNING + (1 - RUNNING) * n / len(cases)))
         psnr, why_not = {}, {}
         for method in methods:
             attempt = made.get((case.name, method))

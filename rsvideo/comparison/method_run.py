@@ -17,6 +17,8 @@ from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import Observer, Progress
 
 _EVERY = 0.1  # seconds between two reports on the work
+RUNNING = 0.9  # of a comparison's work, as its progress counts it; measuring is the rest; origin: by trial
+_GRACE = 5  # seconds in which a process whose answer has come may end by itself
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,7 +129,7 @@ def _note(order: Order, attempt: Attempt) -> None:
 
 def _ended(connection: Connection, child: BaseProcess) -> None:
     connection.close()
-    child.join(5)
+    child.join(_GRACE)
     child.kill()
     child.join()
 

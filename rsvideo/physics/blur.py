@@ -22,6 +22,7 @@ from rsvideo.physics.warp import taps
 SAMPLES = 30  # K of Eq. (3); the paper's (Sec. 5)
 LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
 PARTS = 8  # private copies of the latent image, at most, into which threads scatter
+_REACH_COLS = 5  # columns of each scanline at which the largest move is looked for; a homography moves the ends most
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,8 +215,8 @@ class BlurOperator:
 
 def _reach(maps: Float[np.ndarray, "s k 3 3"], camera: Intrinsics, image_from_scan: Float[np.ndarray, "3 3"]) -> tuple[float, float]:
     """The largest move of any pixel in the image's x and y."""
-    x, y = np.meshgrid(np.linspace(0, camera.cols - 1, 5), np.arange(camera.rows, dtype=float))
-    at = np.concatenate([np.moveaxis(pinhole_from_px(camera, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, 5)
+    x, y = np.meshgrid(np.linspace(0, camera.cols - 1, _REACH_COLS), np.arange(camera.rows, dtype=float))
+    at = np.concatenate([np.moveaxis(pinhole_from_px(camera, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, columns)
     mapped = np.einsum("skab,bsc->aksc", maps, at)
     if not (mapped[2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")

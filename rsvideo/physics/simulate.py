@@ -24,6 +24,13 @@ from rsvideo.progress import Observer, Progress, ignore
 
 BAND = 32  # scanlines rendered between two reports of progress, and before an interrupt stops the work; origin: by trial
 SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
+USUAL_NOISE = 0.003  # standard deviation at half of white: about that of a phone at a low sensitivity
+MOST_GAIN = 1000.0  # that multiplies light; more is no exposure that anybody means
+LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
+STILL = 1e-9  # px; a motion whose longest PSF is shorter does not move
+_INSTANTS = 257  # of a frame's interval, at which the reach of its motion is measured; origin: by trial
+_EXPOSURE_INSTANTS = 33  # of a scanline's exposure, between which the ends of its PSF are looked for; origin: by trial
+_TAPS = 3  # px that a sample may read beyond its place, and rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,27 +102,27 @@ def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> F
 
 def margin(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> tuple[int, int]:
     """Rows and columns of scene needed beyond each edge of the frame, so that no sample falls outside the scene."""
-    poses = trajectory.at(np.linspace(*timing.interval, 257))
+    poses = trajectory.at(np.linspace(*timing.interval, _INSTANTS))
     xs, ys = np.array([0.0, camera.cx, camera.cols - 1]), np.array([0.0, camera.cy, camera.rows - 1])
     x, y = (part.ravel() for part in np.meshgrid(xs, ys))
     seen = homographies(poses, camera=camera) @ np.stack([*pinhole_from_px(camera, x, y).T, np.ones(9)])
-    if not (seen[:, 2] > 0.1).all():
+    if not (seen[:, 2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
     shown = px_from_pinhole(camera, seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2])
     move = np.abs(shown - np.stack([x, y], axis=-1)).max(axis=(0, 1))
-    return math.ceil(move[1]) + 3, math.ceil(move[0]) + 3
+    return math.ceil(move[1]) + _TAPS, math.ceil(move[0]) + _TAPS
 
 
 def extent(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> float:
     """Pixels from end to end of the longest PSF, over all scanlines and the frame's centre and corners, to first order, undistorted."""
-    times = timing.row_start()[:, None] + np.linspace(0, timing.exposure, 33)
-    poses = trajectory.at(times.ravel()).reshape(timing.rows, 33, -1)
+    times = timing.row_start()[:, None] + np.linspace(0, timing.exposure, _EXPOSURE_INSTANTS)
+    poses = trajectory.at(times.ravel()).reshape(timing.rows, _EXPOSURE_INSTANTS, -1)
     x = np.array([camera.cx, 0, 0, camera.cols - 1, camera.cols - 1]) - camera.cx
     y = np.array([camera.cy, 0, camera.rows - 1, 0, camera.rows - 1]) - camera.cy
     roll = poses[..., 2:] if poses.shape[-1] == 3 else np.zeros((*poses.shape[:2], 1))
     path = (poses[..., :1] - roll * y) + 1j * (poses[..., 1:2] + roll * x)
     longest = 0.0
-    for lag in range(1, 33):
+    for lag in range(1, _EXPOSURE_INSTANTS):
         longest = max(longest, float(np.abs(path[:, lag:] - path[:, :-lag]).max()))
     return longest
 
@@ -125,7 +132,7 @@ def scaled_to(pixels: float, *, camera: Intrinsics, timing: ShutterTiming, traje
     if not (math.isfinite(pixels) and pixels >= 0):
         raise ValueError(f"blur must be at least 0 px, got {pixels:g} px")
     longest = extent(camera=camera, timing=timing, trajectory=trajectory)
-    if longest < 1e-9:
+    if longest < STILL:
         raise ValueError(f"a motion of {longest:.2g} px cannot be scaled to {pixels:g} px; does it move at all?")
     middle = trajectory.at(np.array([timing.middle]))[0]
     gauge = trajectory.shifted(-middle)

@@ -28,6 +28,7 @@ from rsvideo.video.stream import Colour, Picture
 
 LONGEST = 32  # frames of a chunk, and fewer of large pictures:
 MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
+SHORTEST = 8  # frames of a chunk at least, however large its pictures: fewer tell too little of the motion; origin: by trial
 WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
 
 
@@ -39,7 +40,7 @@ def chunks(task: Task) -> list[Chunk]:
 
 def planned(first: int, last: int, scenes: Iterable[int], picture_bytes: int) -> list[Chunk]:
     """Frames first to last - 1, cut where another of the `scenes` begins, and long scenes into equal parts."""
-    longest = max(8, min(LONGEST, MOST_BYTES // picture_bytes))
+    longest = max(SHORTEST, min(LONGEST, MOST_BYTES // picture_bytes))
     out: list[Chunk] = []
     for begin, end in pairwise([first, *scenes, last]):
         edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()

@@ -18,6 +18,7 @@ FORMATS = ("png", "pdf", "svg")
 _BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
 _GRID = (5, 7)  # points across the shorter and the longer side
 _INSTANTS = 400  # samples of one exposure
+_ROOM = 1.1  # times a trace's reach, that its tile shows
 
 
 def motion(sidecar: Sidecar, kind: str, index: int = 0) -> bytes:
@@ -100,7 +101,7 @@ def psfs(sidecar: Sidecar, record: FrameRecord) -> tuple[list[tuple[float, float
     centres = [((i + 0.5) * camera.cols / across, (j + 0.5) * camera.rows / down) for j in range(down) for i in range(across)]
     traces = [_trace(np.array(centre), sidecar, record, timing) for centre in centres]
     reach = max(float(np.abs(trace - trace.mean(axis=0)).max()) for trace in traces)
-    half = max(2, int(np.ceil(1.1 * reach)) + 1)  # px from a trace's middle to the edge of its tile
+    half = max(2, int(np.ceil(_ROOM * reach)) + 1)  # px from a trace's middle to the edge of its tile
     return centres, np.stack([psf_from_trace(trace - trace.mean(axis=0), half) for trace in traces])
 
 

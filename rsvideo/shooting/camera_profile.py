@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from rsvideo.config.quantity import FASTEST_RATE, HAND_HELD_LIMIT
+from rsvideo.physics.camera import MOST_FOCAL_PX
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting.fact import Fact
@@ -44,7 +45,7 @@ def _alone(value: object) -> object:
 
 
 def _focal(number: Measured) -> Measured:
-    if not 1 <= number.value < 1e7:
+    if not 1 <= number.value < MOST_FOCAL_PX:
         raise ValueError(f"must lie in [1, 1e7) px, got {number.value:g}; is it in millimetres?")
     return number
 

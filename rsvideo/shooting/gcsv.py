@@ -30,6 +30,8 @@ _MOST_CHARACTERS = 80  # of a value that is written; Gyroflow looks for the head
 _TICK = 1e-6  # seconds, in which times are written
 _ORIENTATION = "yxz"
 _DEFAULT_ORIENTATION = "xzY"  # of a log that does not say it
+_SMALL = 1e-2  # rad; below, the series is exact to 2e-12 and the closed form loses digits
+_FEWEST_SAMPLES = 4  # of angles, for a cubic spline through them
 
 
 class ReadoutCode(enum.IntEnum):
@@ -79,7 +81,7 @@ def rates(t_s: Float[np.ndarray, " n"], angles: Float[np.ndarray, "n 3"], at: Fl
     v, dv = curve(at), curve(at, 1)
     a = np.linalg.norm(v, axis=1, keepdims=True)
     first = 0.5 * np.sinc(a / (2 * np.pi)) ** 2  # (1 - cos a) / a^2
-    small = a < 1e-2
+    small = a < _SMALL
     second = np.where(small, 1 / 6 - a * a / 120, (a - np.sin(a)) / np.where(small, 1.0, a) ** 3)
     cross = np.cross(v, dv)
     return dv - first * cross + second * np.cross(v, cross)
@@ -100,8 +102,8 @@ def encoded(parts: Iterable[Part], *, timing: ShutterTiming, video: str = "", mo
     step = number = 0
     for part in parts:
         t_s = part.t_s
-        if len(t_s) < 4 or not np.all(np.diff(t_s) > 0) or not (np.isfinite(t_s).all() and np.isfinite(part.angles).all()):
-            raise ValueError(f"a log needs at least 4 finite samples at rising times, got {len(t_s)}")
+        if len(t_s) < _FEWEST_SAMPLES or not np.all(np.diff(t_s) > 0) or not (np.isfinite(t_s).all() and np.isfinite(part.angles).all()):
+            raise ValueError(f"a log needs at least {_FEWEST_SAMPLES} finite samples at rising times, got {len(t_s)}")
         if not step:
             if not t_s[0] <= timing.middle < t_s[-1]:
                 raise ValueError(

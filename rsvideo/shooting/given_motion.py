@@ -19,6 +19,9 @@ COLUMNS = ("t_s", "pitch_rad", "yaw_rad", "roll_rad")
 _TOLERANCE = 0.01  # px, anywhere in the frame
 _TERMS = (8, 16, 32, 64, 128, 256, 512)
 _SLACK = 0.02  # of the interval, that a record may start late or end early, but by no more than one of its own steps
+_LEAST_SLACK = 1e-3  # of the interval, that a record may lack in any case: rounding of its times
+_NEIGHBOURS = 4  # samples beyond the interval on either side that shape the curve inside; farther ones do not
+_FIT_POINTS = 4  # for each term of the longest spline, at which all are compared with the samples; origin: by trial
 
 
 def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
@@ -55,7 +58,7 @@ def _within(
 ) -> Trajectory:
     """The motion within one frame, from samples at the frame's own times."""
     start, end = timing.interval
-    slack = max(1e-3 * (end - start), min(_SLACK * (end - start), float(np.median(np.diff(t)))))
+    slack = max(_LEAST_SLACK * (end - start), min(_SLACK * (end - start), float(np.median(np.diff(t)))))
     if t[0] > start + slack or t[-1] < end - slack:
         raise ValueError(
             f"{path} must cover the frame's whole interval, {start:g} to {end:g} s, it covers {t[0]:g} to {t[-1]:g} s;"
@@ -101,9 +104,9 @@ def _spline(
 ) -> Trajectory:
     """The spline of fewest terms that stays within the tolerance of a smooth curve through the samples."""
     first, last = np.searchsorted(t, interval)
-    near = slice(max(first - 4, 0), last + 4)  # samples beyond do not shape the curve inside
+    near = slice(max(first - _NEIGHBOURS, 0), last + _NEIGHBOURS)
     t, poses = t[near], poses[near]
-    dense = np.linspace(*interval, 4 * _TERMS[-1] + 1)
+    dense = np.linspace(*interval, _FIT_POINTS * _TERMS[-1] + 1)
     path_px = CubicSpline(t, poses)(dense)
     reach = np.array([1.0, 1.0, 0.5 * np.hypot(intrinsics.rows, intrinsics.cols)])[
         : poses.shape[1]

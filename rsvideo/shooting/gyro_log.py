@@ -8,6 +8,9 @@ from rsvideo.physics.gyro import MOST_SAMPLES, GyroLog, parse
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.shooting import gcsv, given_motion
 
+FEWEST_SAMPLES = 4  # of angles, for a cubic spline through them
+_HEAD = 4096  # characters in which a file shows its kind
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
@@ -19,7 +22,7 @@ class Recorded:
 
 def read(path: Path, timing: ShutterTiming) -> Recorded:
     """The log in a file, for a clip of that timing."""
-    beginning = read_whole(path, most=gcsv.MOST_BYTES)[:4096].decode("utf-8-sig", "replace").lstrip()
+    beginning = read_whole(path, most=gcsv.MOST_BYTES)[:_HEAD].decode("utf-8-sig", "replace").lstrip()
     first = beginning.splitlines()[0] if beginning else ""
     if first.strip() in gcsv.FIRST_LINES:
         return Recorded(log=gcsv.read(path).log, offset=-timing.middle)  # where Gyroflow lets a log begin
@@ -36,6 +39,6 @@ def read(path: Path, timing: ShutterTiming) -> Recorded:
 def _angles(path: Path) -> Recorded:
     """Of sampled angles; their time 0 is the clip's."""
     t, turned = given_motion.angles(path)
-    if not 4 <= len(t) <= MOST_SAMPLES:
-        raise ValueError(f"angles must be 4 to {MOST_SAMPLES} samples, got {len(t)}")
+    if not FEWEST_SAMPLES <= len(t) <= MOST_SAMPLES:
+        raise ValueError(f"angles must be {FEWEST_SAMPLES} to {MOST_SAMPLES} samples, got {len(t)}")
     return Recorded(log=GyroLog(times=t - t[0], rates=gcsv.rates(t, turned, t)), offset=0.0 - float(t[0]))
