@@ -33,7 +33,7 @@ def readout(
 ) -> ReadoutMeasurement | CannotTell:
     """Measure a rolling shutter's readout: the time from its first scanline to its last.
 
-    One of four methods is chosen by its argument. Best is `flicker`: an LED that flickers at a known 500 to 1000 Hz, close to a white
+    One of four methods is chosen by its argument. Best is `flicker`: an LED that flickers at an exact 500 to 1000 Hz, close to a white
     wall or the lens, filmed with a short exposure (Forssen & Ringaby, CVPR 2010).
 
     Args:

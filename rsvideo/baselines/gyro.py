@@ -1,6 +1,6 @@
 """The motion of a clip from a gyroscope's log: what the paper recommends where one is there, as on drones and in phones.
 
-A log's clock and axes are seldom the camera's. Both are found from points that move between frames: a point seen at the times t
+A log's clock and axes are seldom the camera's. Both are found from points that move between frames: a point observed at the times t
 and t' moves by L A (P(t' + tau) - P(t + tau)), with P the gyroscope's integrated rates, L the lever of the point, and the offset
 tau and the axes A (one of 24 rotations by right angles) sought: coarsely where the rates that tracks show agree with the log's,
 then where the points themselves do.
@@ -226,7 +226,7 @@ def check_cover(log: GyroLog, begins: np.ndarray, timing: ShutterTiming, offset:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sights:
-    """Points seen twice, each at its scanline's times: displacements = levers @ A (turned(second) - turned(first))."""
+    """Points observed twice, each at its scanline's times: displacements = levers @ A (turned(second) - turned(first))."""
 
     first: Float[np.ndarray, "points samples"]  # seconds of the clip
     second: Float[np.ndarray, "points samples"]

@@ -33,7 +33,7 @@ class Entry:
     settings: str  # fingerprints
     source: str
     chunks: tuple[Chunk, ...] | None  # where the clip is cut, once that is found
-    ending: bool  # the output was about to appear, or has
+    publishing: bool  # the output was about to appear, or has
     result: dict[str, Any] | None  # once the output is complete
 
 
@@ -58,13 +58,13 @@ class Ledger:
             settings=settings,
             source=source,
             chunks=None if chunks is None else tuple(Chunk(**chunk) for chunk in json.loads(chunks)),
-            ending=ends is not None,
+            publishing=ends is not None,
             result=None if result is None else json.loads(result),
         )
 
     def ours(self, output: str) -> bool:
         """Whether an output of that name was written by this job."""
-        return (entry := self.entry(output)) is not None and entry.ending
+        return (entry := self.entry(output)) is not None and entry.publishing
 
     def records(self, output: str) -> dict[int, str]:
         """The records of those chunks whose files are there and hold what was written into them."""
@@ -91,7 +91,7 @@ class Ledger:
             (made_in / name).replace(self.place(output) / name)
         self._do("INSERT OR REPLACE INTO chunk VALUES (?, ?, ?)", _key(output), number, record)
 
-    def ending(self, output: str) -> None:
+    def publishing(self, output: str) -> None:
         """Note that an output under this name will be ours."""
         self._do("UPDATE clip SET ends = 'ours' WHERE output = ?", _key(output))
 

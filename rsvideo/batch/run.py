@@ -36,7 +36,7 @@ class Result:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something happened: the machine's way to follow a run. `done` and `frames` count frames of the whole batch."""
+    """Something happened in a run; machines follow a run by its events. `done` and `frames` count frames of the whole batch."""
 
     event: Kind
     output: str
@@ -53,7 +53,7 @@ class _Clip:
     plan: Planned
     chunks: tuple[Chunk, ...] = ()
     records: dict[int, str] = field(default_factory=dict)
-    under_way: dict[int, float] = field(default_factory=dict)  # frames done of chunks that are not
+    in_progress: dict[int, float] = field(default_factory=dict)  # frames done of chunks that are not
     result: Result | None = None
 
     @property
@@ -66,7 +66,7 @@ class _Clip:
         if self.result is not None:
             return self.plan.frames
         kept = sum(chunk.frames for chunk in self.chunks if chunk.index in self.records)
-        return min(self.plan.frames, kept + sum(self.under_way.values()))
+        return min(self.plan.frames, kept + sum(self.in_progress.values()))
 
 
 def carry_out(
@@ -156,7 +156,7 @@ class _Run:
         if _source(request.source) != clip.plan.source:
             self.fail(clip, Failed(words=f"{request.source} changed while it was read", unreadable=True))
             return
-        self.ledger.ending(clip.name)
+        self.ledger.publishing(clip.name)
         records = tuple(clip.records[chunk.index] for chunk in clip.chunks)
         self.queue.append(Finish(request=clip.plan.request, records=records, folder=self.ledger.place(clip.name)))
 
@@ -165,7 +165,7 @@ class _Run:
             case _, Failed():
                 self.retry_or_fail(clip, order, answer)
             case Restore(), Progress():
-                clip.under_way[order.chunk.index] = order.chunk.done(answer)
+                clip.in_progress[order.chunk.index] = order.chunk.done(answer)
                 self.tell("frame", clip, answer.stage, frame=answer.frame)
             case Cut(), tuple():
                 if clip.result is None:
@@ -173,7 +173,7 @@ class _Run:
                     self.lay_out(clip, answer)
             case Restore(), str():
                 self.ledger.keep(clip.name, order.chunk.index, answer, order.folder)
-                clip.under_way.pop(order.chunk.index, None)
+                clip.in_progress.pop(order.chunk.index, None)
                 clip.records[order.chunk.index] = answer
                 self.tell("chunk", clip)
                 if clip.result is None:

@@ -61,6 +61,6 @@ def main() -> None:
     except (Exception, exit_codes.Stopped) as error:
         if not quiet.wanted() and not isinstance(error, exit_codes.Stopped):
             raise
-        code, line = exit_codes.told(error)
+        code, line = exit_codes.code_and_line(error)
         print(f"rsvideo: {line}", file=sys.stderr)
     sys.exit(code)

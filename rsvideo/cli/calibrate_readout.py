@@ -8,7 +8,7 @@ import typer
 from typer import Option
 
 from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json, say
-from rsvideo.cli.options import Way
+from rsvideo.cli.options import DirectionName
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def readout(
     from_frame_rate: Annotated[bool, Option("--from-frame-rate", help="CLIP's frame rate, with --scanlines-total.")] = False,
     scanlines_total: Annotated[int | None, Option(metavar="N", help="Visible and blanking lines of the sensor's mode.")] = None,
     rate: Annotated[str | None, Option(metavar="FPS", help="Of the recording, where CLIP does not say it: 25, 24000/1001.")] = None,
-    direction: Annotated[Way | None, Option(help="The way the readout runs over the picture as stored, if it is known.")] = None,
+    direction: Annotated[DirectionName | None, Option(help="The way the readout runs over the picture as stored, if it is known.")] = None,
     frames: Annotated[int, Option(min=1, max=MOST_FRAMES, help="How many of CLIP's frames are used.")] = 120,
     output: Output = None,
     name: Name = None,
@@ -42,7 +42,7 @@ def readout(
 ) -> None:
     """Measure the time from the first row to the last: from bands of a flickering light, or from ordinary footage.
 
-    Best is an LED that flickers at a known 500 to 1000 Hz, close to a white wall or the lens, filmed with a short exposure.
+    Best is an LED that flickers at an exact 500 to 1000 Hz, close to a white wall or the lens, filmed with a short exposure.
     """
     from rsvideo.cli import exit_codes
 

@@ -17,7 +17,7 @@ from rsvideo.config.media import SEQUENCES, is_clip, is_sequence
 from rsvideo.config.method import Method
 
 if TYPE_CHECKING:
-    from rsvideo.comparison.method_run import Attempt
+    from rsvideo.comparison.method_run import MethodRun
     from rsvideo.config.request import Request
     from rsvideo.progress import Observer
     from rsvideo.report.comparison import Comparison
@@ -182,8 +182,8 @@ def _of_source(source: Path, wanted: _Wanted, kept: Path) -> _Work:
         if name.needs_clip and not clip:
             raise ValueError(f"method {name} concerns clips, it sees the motion between frames; {source} is taken for a photograph")
     lossless = {"encoding.codec": "ffv1"} if is_sequence(source) else {}
-    asked_for = options.request(source, kept / _name(source), {**lossless, **given})
-    requests = [_by_method(asked_for, name, kept / name / _name(source)) for name in tried]
+    request = options.request(source, kept / _name(source), {**lossless, **given})
+    requests = [_by_method(request, name, kept / name / _name(source)) for name in tried]
     return _Work(name="", requests=requests, truth=wanted.truth, crops=wanted.crops)
 
 
@@ -226,11 +226,11 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How
     with progress_bar() as observe:
         for n, work in enumerate(works):
             part = within(observe, n / len(works), (n + 1) / len(works), f"{work.name}: " if work.name else "")
-            comparison, attempts = _carried_out(work, part, how)
+            comparison, runs = _carried_out(work, part, how)
             (output / work.name).mkdir(exist_ok=True)
             _write(output / work.name, comparison)
             done.append((work.name, comparison))
-            everyone += attempts
+            everyone += runs
     _note(everyone)
     if title is not None:
         write_whole({output / "index.html": page.index(title, done), **_numbers(output, [comparison for _, comparison in done])})
@@ -249,19 +249,19 @@ def _numbers(output: Path, comparisons: "Sequence[Comparison]") -> dict[Path, by
     return {output / "report.csv": numbers.all_csv(comparisons), output / "report.json": numbers.all_json(comparisons)}
 
 
-def _carried_out(work: _Work, observe: "Observer", how: _How) -> "tuple[Comparison, list[Attempt]]":
+def _carried_out(work: _Work, observe: "Observer", how: _How) -> "tuple[Comparison, list[MethodRun]]":
     from rsvideo.cli import quiet
     from rsvideo.comparison import compare, method_run
     from rsvideo.progress import within
 
     orders = [method_run.Order(request=request) for request in work.requests]
-    attempts = method_run.all_of(
+    runs = method_run.all_of(
         orders, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=within(observe, 0.0, method_run.RUNNING)
     )
     measured = compare.compared(
-        work.requests[0], attempts, truth=work.truth, crops=work.crops, observe=within(observe, method_run.RUNNING, 1.0)
+        work.requests[0], runs, truth=work.truth, crops=work.crops, observe=within(observe, method_run.RUNNING, 1.0)
     )
-    return measured, attempts
+    return measured, runs
 
 
 def _applying(*, clip: bool, logs: bool) -> tuple[Method, ...]:
@@ -308,16 +308,16 @@ def _tell(comparison: "Comparison", output: Path) -> None:
     print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
 
 
-def _note(attempts: "Sequence[Attempt]") -> None:
-    for each in attempts:
+def _note(runs: "Sequence[MethodRun]") -> None:
+    for each in runs:
         note(f"{each.method}: {words}" for words in each.notes)
 
 
-def _code(attempts: "Sequence[Attempt]") -> int:
+def _code(runs: "Sequence[MethodRun]") -> int:
     from rsvideo.cli.exit_codes import Code
 
-    failed = [attempt for attempt in attempts if attempt.fault is not None]
-    if failed and all(attempt.unreadable for attempt in attempts):
+    failed = [run for run in runs if run.fault is not None]
+    if failed and all(run.unreadable for run in runs):
         return Code.UNREADABLE
     return Code.FAILED if failed else Code.DONE
 

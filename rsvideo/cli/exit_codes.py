@@ -26,7 +26,7 @@ class RefusedError(Exception):
 
 
 class Stopped(BaseException):  # not an error, and no handler of errors may catch it
-    """The user, or the machine, asked for an end."""
+    """The user, or the machine, stopped the work."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -64,7 +64,7 @@ def note(notes: Iterable[str]) -> None:
         print(f"rsvideo: note: {each}", file=sys.stderr)
 
 
-def told(error: BaseException) -> tuple[int, str]:
+def code_and_line(error: BaseException) -> tuple[int, str]:
     """The exit code for what went wrong, and the line that says so."""
     code, words = _code_and_words(_origin(error))
     return code, " ".join(words.split())

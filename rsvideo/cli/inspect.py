@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rsvideo.shooting.fact import Fact
 
 Line = tuple[str, str, str]  # what, its value, who stated it
-_WIDTH = 160  # where the output is no terminal, whose width is not known
+_WIDTH = 160  # an output that is no terminal has no width
 
 
 @options.offers(
@@ -28,7 +28,7 @@ def inspect(
     given: options.Given,
     json: Annotated[bool, Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show what is known of a clip, from where, and what is missing.
+    """Show what a clip states, what other sources add, and what is missing.
 
     Sources of the timing, first hit wins: options, the clip's metadata, --camera, the public table of readout times, the frame rate.
     """

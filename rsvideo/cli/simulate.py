@@ -1,4 +1,4 @@
-"""rsvideo simulate: one sharp photograph in, a blurred one out whose truth is known."""
+"""rsvideo simulate: one sharp photograph in, a blurred one out, and its truth."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from typer import Option
 
-from rsvideo.cli.options import Way
+from rsvideo.cli.options import DirectionName
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,7 +38,7 @@ Camera = Annotated[
 Readout = Annotated[str | None, Option(metavar="TIME", help="Rows times row time; 0 is a global shutter. [default: the profile's]")]
 RowTime = Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")]
 ReadoutDirection = Annotated[
-    Way | None, Option(help="The way the readout runs over the picture as stored. [default: the profile's, or top-to-bottom]")
+    DirectionName | None, Option(help="The way the readout runs over the picture as stored. [default: the profile's, or top-to-bottom]")
 ]
 GyroLog = Annotated[Path | None, Option(metavar="LOG", help="Motion recorded as lines `t_ns wx wy wz` in rad/s.")]
 Start = Annotated[float, Option(metavar="S", help="When the frame opens, in seconds from the first line of --gyro.")]
@@ -113,7 +113,7 @@ def simulate(
         if not 0 < gain <= MOST_GAIN:
             raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
         optics = _optics(camera, focal_px, readout, row_time, direction, noise)
-        moved, said = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
+        moved, motion_words = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
         photo = still.read(source, Transfer(transfer) if transfer else None)
         staged = _staged(photo, moved, optics, exposure, size, roll=motion == "rotation", blur=blur_px)
     except UnreadableError:
@@ -121,7 +121,7 @@ def simulate(
     except ValueError as error:
         raise RefusedError(str(error)) from error
     rendering = _rendered(photo, staged, optics.noise, gain=gain, samples=samples, seed=seed)
-    case = {"source": source.name, "motion": said, "roll": motion == "rotation", "transfer": photo.transfer.value, **optics.said}
+    case = {"source": source.name, "motion": motion_words, "roll": motion == "rotation", "transfer": photo.transfer.value, **optics.words}
     case |= {"gain": gain, "samples": samples, "seed": seed}
     _write(files, kinds, photo, rendering, staged, case, bits)
 
@@ -136,7 +136,7 @@ class _Optics:
     readout: float | None  # s; this or row_time
     row_time: float | None  # s
     direction: "Direction"
-    said: dict[str, object]  # what case.json says of it beyond the stage
+    words: dict[str, object]  # for case.json, beyond the stage
 
 
 def _optics(
@@ -173,7 +173,7 @@ def _optics(
         readout=read,
         row_time=seconds("row-time", row_time) if row_time is not None else None,
         direction=Direction(direction) if direction else stated,
-        said=words | ({"camera": camera} if camera else {}),
+        words=words | ({"camera": camera} if camera else {}),
     )
 
 
@@ -271,7 +271,7 @@ def _motion(
             log = parse(text, axes=axes)
         except ValueError as error:
             raise UnreadableError(f"{gyro}: {error}") from error
-        return staging.recorded(log, start=start), {"gyro": gyro.name, "start_s": start, "axes": axes}
+        return staging.of_log(log, start=start), {"gyro": gyro.name, "start_s": start, "axes": axes}
     if polynomial is not None:
         terms = _terms(polynomial)
         return staging.polynomial(terms), {"polynomial": terms}

@@ -1,4 +1,4 @@
-"""A folder of cases with known truth, and how near each method comes to it."""
+"""A folder of cases with their truth, and how near each method comes to it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from rsvideo.comparison.decoded import pictures
-from rsvideo.comparison.method_run import RUNNING, Attempt, Order, all_of
+from rsvideo.comparison.method_run import RUNNING, MethodRun, Order, all_of
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.method import Method
 from rsvideo.config.request import Request
@@ -34,7 +34,7 @@ class _Shot(BaseModel):
 
 
 class Case(BaseModel):
-    """A blurred input, its truth, and how it was recorded."""
+    """A blurred input, its truth, and its shutter and lens."""
 
     name: str
     kind: str
@@ -99,20 +99,20 @@ def scored(
         observe(Progress(stage=f"measuring {case.name}", fraction=RUNNING + (1 - RUNNING) * n / len(cases)))
         psnr, why_not = {}, {}
         for method in methods:
-            attempt = made.get((case.name, method))
-            if attempt is None:
+            run = made.get((case.name, method))
+            if run is None:
                 why_not[method.value] = DOES_NOT_APPLY
-            elif attempt.fault is not None:
-                why_not[method.value] = attempt.fault
+            elif run.fault is not None:
+                why_not[method.value] = run.fault
             else:
-                psnr[method.value] = _psnr(attempt, case)
+                psnr[method.value] = _psnr(run, case)
         rows.append(Row(kind=case.kind, case=case.name, psnr=psnr, why_not=why_not))
     return Table(methods=tuple(method.value for method in methods), rows=tuple(rows))
 
 
-def _psnr(attempt: Attempt, case: Case) -> float:
+def _psnr(run: MethodRun, case: Case) -> float:
     """Of a still, or the mean over a clip's frames."""
-    pairs = zip(pictures(attempt.output), pictures(case.truth), strict=True)
+    pairs = zip(pictures(run.output), pictures(case.truth), strict=True)
     return float(np.mean([metrics.psnr(ours.codes, truth.codes) for ours, truth in pairs]))
 
 

@@ -1,4 +1,4 @@
-"""Photographs and clips, told apart by their names."""
+"""Photographs and clips, distinguished by their names."""
 
 from pathlib import Path
 from typing import Literal

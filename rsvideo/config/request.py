@@ -1,4 +1,4 @@
-"""What is asked of one photograph or clip: every option with its type, unit, bounds, default and words, once.
+"""The request for one photograph or clip: every option with its type, unit, bounds, default and words, once.
 
 The command line, the sections of a job's file and its JSON Schema are made from these models. A new option is a field here,
 and the place that uses it.

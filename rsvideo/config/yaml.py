@@ -208,7 +208,7 @@ class _Reader:
 
     def _scalar(self, event: yaml.ScalarEvent, key: Key) -> Any:
         text = self._text(event, key)
-        if not event.implicit[0]:  # quoted, or said to be text
+        if not event.implicit[0]:  # quoted, or tagged as text
             return text
         if text.lower() in _WORDS:
             return _WORDS[text.lower()]

@@ -309,7 +309,7 @@ def _shift_jacobian(L, row, row_weights, col, col_weights, J_p, out):
 
 @no_type_check
 @njit(cache=True, inline="always")
-def _seen(H, x, y):
+def _mapped(H, x, y):
     """w(x; p) of Eq. (4)."""
     w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
     return (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w, (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w, w
@@ -325,7 +325,7 @@ def _turn_forward(L, maps, ideal, lens, top, left, out):
         for j in range(along):
             total = 0.0
             for k in range(samples):
-                x, y, _ = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                x, y, _ = _mapped(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
                 x, y, _, _, _, _ = bent(x, y, lens)
                 c, r = int(np.floor(x)), int(np.floor(y))
                 a, b = x - c, y - r
@@ -348,7 +348,7 @@ def _turn_adjoint(frame, maps, ideal, lens, top, left, parts):
             for j in range(along):
                 value = frame[i, j] / samples
                 for k in range(samples):
-                    x, y, _ = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                    x, y, _ = _mapped(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
                     x, y, _, _, _, _ = bent(x, y, lens)
                     c, r = int(np.floor(x)), int(np.floor(y))
                     a, b = x - c, y - r
@@ -370,7 +370,7 @@ def _turn_jacobian(L, maps, derivatives, ideal, lens, J_p, top, left, out):
         for j in range(along):
             total[:] = 0
             for k in range(samples):
-                u, v, w = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                u, v, w = _mapped(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
                 x, y, xu, xv, yu, yv = bent(u, v, lens)
                 c, r = int(np.floor(x)), int(np.floor(y))
                 a, b = x - c, y - r

@@ -1,4 +1,4 @@
-"""Which ray each pixel looks along, and where it moves when the camera turns.
+"""Which ray each pixel receives light along, and where it moves when the camera turns.
 
 A lens may bend rays (`distortion`): with D from a ray to where it is shown and U its inverse, pixel x samples the latent image at
 w(x; p) = D(R U(x)), which is the homography C R C^-1 of Eq. (4) for a pinhole camera. The latent image keeps the lens's own geometry.
@@ -70,7 +70,7 @@ class Intrinsics:
 
 
 def ray_from_px(intrinsics: Intrinsics, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
-    """(u, v) of the ray (u, v, 1) that the pixel (x, y) of the frame looks along."""
+    """(u, v) of the ray (u, v, 1) that the pixel (x, y) of the frame receives light along."""
     u, v = (x - intrinsics.cx) / intrinsics.fx, (y - intrinsics.cy) / intrinsics.fy
     return intrinsics.distortion.undistorted(u, v) if intrinsics.distortion else np.stack([u, v], axis=-1)
 

@@ -9,7 +9,7 @@ BLOCK = 32  # px, the side of a block; origin: by trial
 QUIET = 25  # percentile of the blocks' fine noise that is taken: texture lifts the others; origin: by trial
 QUIET_COARSE = 10  # percentile of the blocks' power at coarse wavelengths, where texture is stronger; origin: by trial
 SHORTEST_WAVE, LONGEST_WAVE = 3, 6  # px, what deblurring amplifies most, and a camera's own denoising and JPEG leave
-SECTORS = 8  # directions told apart: blurred texture lacks some of them, grain has all alike; origin: by trial
+SECTORS = 8  # directions that are distinguished: blurred texture lacks some of them, grain has all alike; origin: by trial
 MEDIAN_DEVIATION = 0.6745  # the median of |x| of a normal variable with standard deviation 1
 _LEAST_POWER = 1e-12  # white being 1: a picture of one colour has no noise, and divides by this
 

@@ -35,7 +35,7 @@ _TAPS = 3  # px that a sample may read beyond its place, and rounding
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rendering:
-    """A frame as the camera recorded it, and what it should have been."""
+    """A frame as the camera wrote it, and what it should have been."""
 
     blurred: Float32[np.ndarray, "rows cols channels"]  # linear light in [0, 1]
     truth: Float32[np.ndarray, "rows cols channels"]  # the scene at the pose of the middle of the frame's interval, without noise
@@ -55,7 +55,7 @@ def render(
 ) -> Rendering:
     """The frame of `camera` at the middle of a `scene` in linear light, which is larger so that its borders show real content.
 
-    Poses are those of the image, whichever way its scanlines are read. Light above white / gain clips, in the truth too.
+    Poses are those of the image in every direction of readout. Light above white / gain clips, in the truth too.
     """
     blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, observe=observe)
     blurred = blurred + rng.standard_normal(blurred.shape) * noise.at(blurred)
@@ -105,10 +105,10 @@ def margin(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory)
     poses = trajectory.at(np.linspace(*timing.interval, _INSTANTS))
     xs, ys = np.array([0.0, camera.cx, camera.cols - 1]), np.array([0.0, camera.cy, camera.rows - 1])
     x, y = (part.ravel() for part in np.meshgrid(xs, ys))
-    seen = homographies(poses, camera=camera) @ np.stack([*pinhole_from_px(camera, x, y).T, np.ones(9)])
-    if not (seen[:, 2] > LEAST_DEPTH).all():
+    mapped = homographies(poses, camera=camera) @ np.stack([*pinhole_from_px(camera, x, y).T, np.ones(9)])
+    if not (mapped[:, 2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    shown = px_from_pinhole(camera, seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2])
+    shown = px_from_pinhole(camera, mapped[:, 0] / mapped[:, 2], mapped[:, 1] / mapped[:, 2])
     move = np.abs(shown - np.stack([x, y], axis=-1)).max(axis=(0, 1))
     return math.ceil(move[1]) + _TAPS, math.ceil(move[0]) + _TAPS
 

@@ -34,7 +34,7 @@ class Stage:
     trajectory: Trajectory
 
 
-def recorded(log: GyroLog, *, start: float) -> Motion:
+def of_log(log: GyroLog, *, start: float) -> Motion:
     """The motion of a frame that opens `start` seconds into a log."""
     return lambda camera, timing: gyro.path(log, camera=camera, start=start, duration=timing.interval[1])
 

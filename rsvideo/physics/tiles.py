@@ -23,7 +23,7 @@ _BLENDED = 3  # times the error of a blur that a shift of whole scanlines may ha
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
-    """Columns [first, last) are seen by the tile, columns [start, stop) of them belong to it."""
+    """Columns [first, last) are read by the tile, columns [start, stop) of them belong to it."""
 
     first: int
     last: int

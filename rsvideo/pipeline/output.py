@@ -1,4 +1,4 @@
-"""What photographs and clips share on their way out: where they may be written, and the record of a frame."""
+"""What photographs and clips share when they are written: where they may be written, and the record of a frame."""
 
 import json
 import tempfile
@@ -57,13 +57,13 @@ def settings_record(
 
 def frame_record(result: FrameResult, to_next: np.ndarray | None = None) -> sidecar.FrameRecord:
     """What became of a frame; `to_next` leads from its pose to the next frame's."""
-    way = result.trajectory
-    t = sidecar.Sampled.times(way.t0, way.t1)
+    path = result.trajectory
+    t = sidecar.Sampled.times(path.t0, path.t1)
     return sidecar.FrameRecord(
         index=result.frame.index,
         time_s=result.frame.time,
         timing=sidecar.Timing(exposure_s=result.timing.exposure, row_time_s=result.timing.row_time, source=result.timing_source),
-        trajectory=sidecar.Sampled.of(t, way.at(t)),
+        trajectory=sidecar.Sampled.of(t, path.at(t)),
         to_next=None if to_next is None else [*to_next.tolist(), 0.0][:3],
         verdict=result.verdict,
         seconds=result.seconds,

@@ -1,4 +1,4 @@
-"""Charts as SVG inside a page: told apart by dash and marker as well as by colour, which the page's style gives by class."""
+"""Charts as SVG inside a page: distinguished by dash and marker as well as by colour, which the page's style gives by class."""
 
 import math
 from collections.abc import Sequence
@@ -101,7 +101,7 @@ def _opened(width: int, height: int, title: str) -> Markup:
 
 
 def trajectory(sidecar: Sidecar, record: FrameRecord, *, width: int = 330, height: int = 250) -> Markup:
-    """Position in pixels over time, with degrees on the right where the focal length is known, and the roll below."""
+    """Position in pixels over time, with degrees on the right where the sidecar holds a focal length, and the roll below."""
     ms = 1e3 * np.array(record.trajectory.t_s)
     thin = np.unique(np.linspace(0, len(ms) - 1, _INSTANTS).round().astype(int))
     x, y = np.array(record.trajectory.x_px)[thin], np.array(record.trajectory.y_px)[thin]

@@ -230,14 +230,14 @@ def _width(p: np.ndarray) -> float:
     return float(end - begin)
 
 
-def ringing(image: Grey, recorded: Grey) -> float:
+def ringing(image: Grey, recording: Grey) -> float:
     """RMS in % of white of what a picture shows at wavelengths of about 5 to 30 px where the recording is flat; less is better.
 
     Flat are the places whose surroundings of 25 px are the quietest fifth of the recording. What stands there in a restored
     picture has leaked from edges further off, or is noise (after the ringing measure of Liu et al., SIGGRAPH Asia 2013). Faint
     texture that the blur has wiped out counts too: compare with the value of the truth where there is one.
     """
-    smooth = cv2.GaussianBlur(recorded.astype(np.float32), (0, 0), 2.0)
+    smooth = cv2.GaussianBlur(recording.astype(np.float32), (0, 0), 2.0)
     slope = np.hypot(*(cv2.Sobel(smooth, cv2.CV_32F, *d, ksize=3, scale=1 / 8) for d in ((1, 0), (0, 1))))
     busy = cv2.dilate(slope, np.ones((_SURROUNDINGS, _SURROUNDINGS), np.uint8), borderType=cv2.BORDER_REFLECT)
     border = min(BORDER, min(image.shape) // _BORDER_PART)

@@ -13,7 +13,7 @@ from rsvideo.report import charts, embedded, plots
 from rsvideo.report.comparison import Comparison, KeyFrame
 
 _TILE = 56  # px that a kernel is enlarged to at most
-_FAINTEST = 8  # of 255, the opacity of a kernel's empty pixels: where tiles end can be seen
+_FAINTEST = 8  # of 255, the opacity of a kernel's empty pixels: it shows where tiles end
 _GAP_PART = 12  # kernels stand a twelfth of their width apart
 _LEAST_PEAK = 1e-12  # an empty kernel divides by this
 

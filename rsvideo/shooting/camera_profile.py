@@ -26,7 +26,7 @@ class _Part(BaseModel):
 
 
 class Measured(_Part):
-    """A number, and what is known of how it came to be. In YAML the number alone will do."""
+    """A number, how sure it is, and how it came to be. In YAML the number alone will do."""
 
     value: Annotated[float, Field(allow_inf_nan=False)]
     std: Deviation | None = None  # standard deviation, in the number's unit

@@ -1,4 +1,4 @@
-"""Gyroscope logs as Gyroflow reads them (.gcsv): the motion that was found written as if a gyroscope had recorded it, and logs read.
+"""Gyroscope logs as Gyroflow reads them (.gcsv): the motion that was found written as if a gyroscope had measured it, and logs read.
 
 Axes. The columns that are written hold pitch, yaw and roll rates about the camera's x (right), y (down) and z (forward), as in README's
 "Conventions". Gyroflow maps columns to its axes X, Y and Z by `orientation` (small letters for the opposite sense), and turns the camera
@@ -26,7 +26,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 MOST_BYTES = 256_000_000
 FIRST_LINES = ("GYROFLOW IMU LOG", "CAMERA IMU LOG")
 _MOST_KEYS = 50
-_MOST_CHARACTERS = 80  # of a value that is written; Gyroflow looks for the header in the first 500 bytes
+_MOST_CHARACTERS = 80  # of a value that is written; Gyroflow searches the header in the first 500 bytes
 _TICK = 1e-6  # seconds, in which times are written
 _ORIENTATION = "yxz"
 _DEFAULT_ORIENTATION = "xzY"  # of a log that does not say it

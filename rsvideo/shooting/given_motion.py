@@ -1,4 +1,4 @@
-"""Motion that is given rather than found: a sidecar, or recorded angles, as a spline over one frame's interval."""
+"""Motion that is given rather than found: a sidecar, or sampled angles, as a spline over one frame's interval."""
 
 import csv
 import io

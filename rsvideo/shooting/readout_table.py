@@ -124,7 +124,7 @@ def _same_camera(one: str, other: str) -> bool:
 
 
 def _keys(name: str) -> set[str]:
-    """Names are equal if they share a key: makers' and families' names, blanks, case and ways to write `mark II` do not count."""
+    """Names are equal if they share a key: makers' and families' names, blanks, case and spellings of `mark II` do not count."""
     return {key for part in name[:200].split("/") if (key := _key(part))}
 
 
@@ -134,6 +134,6 @@ def _key(name: str) -> str:
     for _ in range(2):  # `eos` and `digital` may follow each other, a maker may be named twice
         name = _FAMILIES.sub("", _MAKERS.sub("", name).strip()).strip()
     key = re.sub(r"mark|mk", "m", name.replace(" ", ""))
-    key = re.sub(r"^(z[5-9])([23])$", r"\1m\2", key)  # Nikon's own way
+    key = re.sub(r"^(z[5-9])([23])$", r"\1m\2", key)  # Nikon's own spelling
     key = re.sub(r"m?(iii|ii|iv)$", lambda mark: "m" + _MARKS[mark[1]], key)
     return re.sub(r"^(a7[rs]?)v$", r"\1m5", re.sub(r"(?<=\d)m(1|i)$", "", key))

@@ -58,7 +58,7 @@ def _search(guide, ys, xs, offsets):
         y = ys[iy]
         d = np.empty(cols, np.float32)
         best = np.full((across, count), np.float32(_FAR))
-        best[:, 0] = -1  # the patch itself, whatever else looks the same
+        best[:, 0] = -1  # the patch itself, whatever else equals it
         for dy in range(max(-REACH, -y), min(REACH, rows - PATCH - y) + 1):
             z = y + dy
             for dx in range(-REACH, REACH + 1):
@@ -321,7 +321,7 @@ def denoise(
     """The image without white noise of standard deviation `sigma`, float32; 1 or 3 channels, at least 8 x 8 px.
 
     Alone, small coefficients are dropped. With a `pilot`, an estimate of the result, each is shrunk as Wiener would if
-    the pilot were true, which keeps more detail: the usual way is twice, `denoise(image, sigma, pilot=denoise(image,
+    the pilot were true, which keeps more detail: usually it is called twice, `denoise(image, sigma, pilot=denoise(image,
     sigma))`. Groups are sought on the pilot, else on the image, unless `matches` holds them already.
     """
     rows, cols, channels = image.shape

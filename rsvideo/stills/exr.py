@@ -44,7 +44,7 @@ def decode(data: bytes) -> tuple[np.ndarray, ...]:
 
 
 def _check(data: bytes) -> None:
-    """Every chunk that the table promises is there and whole; ZIP has checksums, the other ways of packing have not."""
+    """Every chunk that the table promises is there and whole; ZIP has checksums, the other compressions have none."""
     magic, flags = struct.unpack_from("<II", data)
     if magic != 20000630:
         raise ValueError("it has no EXR signature")

@@ -18,7 +18,7 @@ _FULL_CHROMA = 0  # as Pillow counts: 4:4:4, a colour of its own for each pixel
 def decode(data: bytes) -> Codes:
     """The picture in `data`; CMYK is refused, since its light depends on inks.
 
-    By Pillow's own decoder: imageio's refuses pictures of more than 179 Mpx, and understands the EXIF, which may be damaged, on the way.
+    By Pillow's own decoder: imageio's refuses pictures of more than 179 Mpx, and understands the EXIF, which may be damaged.
     """
     try:
         with warnings.catch_warnings(action="ignore"):  # Pillow remarks on damaged EXIF, which does not concern the pixels

@@ -107,7 +107,7 @@ def read(path: Path, transfer: Tone | None = None, saturation: float | None = No
 def light(
     samples: UInt[np.ndarray, "rows cols channels"], transfer: Tone, saturation: float | None = None
 ) -> tuple[Float32[np.ndarray, "rows cols channels"], Bool[np.ndarray, "rows cols channels"]]:
-    """Linear light of uint8 or uint16 codes, and where they are full: from `saturation` in [0, 1] on, if that is known."""
+    """Linear light of uint8 or uint16 codes, and where they are full: from `saturation` in [0, 1] on, if that is given."""
     top = int(np.iinfo(samples.dtype).max)
     by_code = tone.decode(transfer, np.linspace(0, 1, top + 1, dtype=np.float32))
     return by_code[samples], samples >= np.ceil(min(_SATURATION, saturation or 1.0) * top)

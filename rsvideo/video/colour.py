@@ -1,4 +1,4 @@
-"""Codes of a picture into linear light and back, in floating point all the way.
+"""Codes of a picture into linear light and back, in floating point throughout.
 
 Code values first become R'G'B', where 0 is black and 1 nominal white, then light by the transfer function. Limited range leaves
 codes above nominal white; light 1 is the highest of them, so that a camera's super-white survives. What light in [0, 1] cannot

@@ -81,7 +81,7 @@ def _check_boxes(path: Path, file: BinaryIO, size: int) -> None:
 
 
 def _check_segment(path: Path, file: BinaryIO, size: int) -> None:
-    """The parts of a Matroska file must be known and end where the next begins; those with a checksum must match it."""
+    """The parts of a Matroska file must be elements that Matroska defines, and end where the next begins; a checksum must match."""
     at, end, inside = 0, size, False
     while at < end:
         file.seek(at)
@@ -96,7 +96,7 @@ def _check_segment(path: Path, file: BinaryIO, size: int) -> None:
                 raise UnreadableError(f"{path} is cut short: its segment says {length} bytes, {size - at - head} are left")
             at += head
             continue
-        if length is None:  # a live recording: the rest cannot be told apart without reading it all
+        if length is None:  # a live recording: the rest cannot be divided without reading it all
             return
         if at + head + length > end:
             raise UnreadableError(f"{path} is cut short: its part at byte {at} says {length} bytes, {end - at - head} are left")

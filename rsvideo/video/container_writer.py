@@ -22,7 +22,7 @@ _NOT_CARRIED = {"major_brand", "minor_version", "compatible_brands", "encoder", 
 
 
 class ContainerWriter:
-    """Writes the pictures of a part into `file`, a container named by the ending of `path`; `notes` names what could not be kept.
+    """Writes the pictures of a part into `file`, a container named by the suffix of `path`; `notes` names what could not be kept.
 
     Everything is open from birth until `close`; what FFmpeg raises is not caught here.
     """
