@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.cli import forked
 from tests.cli.conftest import STAND_IN
 from tests.cli.test_bad_input import one_line
 from tests.video.clips import make
@@ -27,10 +28,9 @@ clips:
 """
 
 
-def call(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+def call(*words: object) -> subprocess.CompletedProcess[str]:
     """The command with a core that brightens photographs."""
-    program = [sys.executable, str(STAND_IN), *map(str, words)]
-    return subprocess.run(program, capture_output=True, text=True, timeout=120, env=os.environ | environment, check=False)
+    return forked.call(*words, program=STAND_IN)
 
 
 def picture(path: Path, seed: int = 0) -> Path:
