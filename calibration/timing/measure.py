@@ -15,7 +15,7 @@ from rsvideo.progress import Observer, ignore
 
 FLICKER_HZ = (20.0, 100e3)  # of lights that can be measured by
 MOST_FRAMES = 10_000  # of a clip
-FRAMES = 120  # of a clip that are used unless chosen: four or five seconds, after which a readout hardly improves; origin: by trial
+FRAMES = 120  # of a clip that are used unless chosen: four or five seconds; origin: by trial
 
 
 def readout(

@@ -52,9 +52,7 @@ _SAMPLES = 4  # of an exposure, over which a point's pose is averaged
 _RADIUS = 0.25  # of the frame's diagonal: how far from the middle roll is taken to move a point
 _SCALE, _SHARE = 0.5, 0.1  # px, and of the points' own motion, beyond which a point counts less (Cauchy); origin: by trial
 DRIFT, SHARE = 0.3, 0.05  # px a frame, and of a frame's motion, by which a log's path may be wrong
-_STEPS_A_SAMPLE = (
-    4  # integration steps on either side of the middle for each of the log's samples, so that none is skipped; origin: by trial
-)
+_HALF_STEPS = 4  # half of the integration steps for each of the log's samples, so that their number is even; origin: by trial
 _FEWEST_STEPS = 16  # of an integration, however short; origin: by trial
 _INSTANTS = 129  # of a frame's interval, at which its own path is sampled; origin: by trial
 _FIT_POINTS = 8  # for each coefficient of a clip's path, at which a log's poses are read; origin: by trial
@@ -97,7 +95,7 @@ def movement(
     steps = np.zeros((len(begins), 3))
     for k in np.flatnonzero(tied):
         first, second = begins[k : k + 2] + offset + timing.middle
-        between = max(2 * round(_STEPS_A_SAMPLE * (second - first) / log.step), _FEWEST_STEPS)
+        between = max(2 * round(_HALF_STEPS * (second - first) / log.step), _FEWEST_STEPS)
         ends = gyro.integrate(log, start=float(first), duration=float(second - first), steps=between)[[0, -1]]
         turn = (Rotation.from_rotvec(ends[0]).inv() * Rotation.from_rotvec(ends[1])).as_rotvec()
         steps[k] = gyro.poses_from_angles(turn[None], camera=lens)[0]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from calibration import ReadoutMeasurement
     from rsvideo.shooting.camera_profile import CameraProfile
 
-MOST_FRAMES = 10_000
+MOST_FRAMES, FRAMES = 10_000, 120  # as in calibration.timing.measure, whose libraries take time to load
 _FREQUENCY = re.compile(r"(\d+\.?\d*|\.\d+)\s*(k?)(hz)?", re.IGNORECASE)
 
 
@@ -32,7 +32,7 @@ def readout(
     scanlines_total: Annotated[int | None, Option(metavar="N", help="Visible and blanking lines of the sensor's mode.")] = None,
     rate: Annotated[str | None, Option(metavar="FPS", help="Of the recording, where CLIP does not say it: 25, 24000/1001.")] = None,
     direction: Annotated[DirectionName | None, Option(help="The way the readout runs over the picture as stored, if it is known.")] = None,
-    frames: Annotated[int, Option(min=1, max=MOST_FRAMES, help="How many of CLIP's frames are used.")] = 120,
+    frames: Annotated[int, Option(min=1, max=MOST_FRAMES, help="How many of CLIP's frames are used.")] = FRAMES,
     output: Output = None,
     name: Name = None,
     maker: Maker = None,

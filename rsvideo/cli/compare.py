@@ -64,7 +64,9 @@ def compare(
         Path | None,
         Option(metavar="FOLDER", help="Where what the methods make is kept, and taken from. [default: results, in or beside -o]"),
     ] = None,
-    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Methods at a time; times are fair with 1.")] = 1,
+    jobs: Annotated[
+        int, Option("-j", "--jobs", metavar="N", min=1, max=options.MOST_JOBS, help="Methods at a time; times are fair with 1.")
+    ] = 1,
     resume: Annotated[bool, Option("--resume/--fresh", help="Take results of the same request that are there, or make them anew.")] = True,
     given: options.Given = options.NOTHING,
     sets: Sets = None,

@@ -23,7 +23,7 @@ def deblur(
     ],
     output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format.")],
     given: options.Given,
-    threads: Annotated[int | None, Option(min=1, max=1024, help="[default: all cores]")] = None,
+    threads: Annotated[int | None, Option(min=1, max=options.MOST_THREADS, help="[default: all cores]")] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace OUTPUT and its sidecar.")] = False,
     json: Annotated[bool, Option("--json", help="Print the sidecar on standard output.")] = False,
 ) -> None:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from rsvideo.config.request import Request, Sections
 
 DirectionName = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
+MOST_JOBS = 256  # processes at a time; more is a slip
+MOST_THREADS = 1024  # of one process; more is a slip
 Given = Mapping[str, Any]
 """What was given, under keys such as `camera.exposure`; the parameter of this type stands where the options are listed."""
 

@@ -13,6 +13,7 @@ import typer
 from typer import Option
 
 from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.options import MOST_JOBS
 from rsvideo.cli.validate import Sets, counted, some
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 def run(
     path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips and photographs, how they are treated, where results go.")],
-    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Worker processes; each may need 2 GB.")] = 1,
+    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes; each may need 2 GB.")] = 1,
     sets: Sets = None,
     dry_run: Annotated[bool, Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
     resume: Annotated[bool, Option("--resume/--fresh", help="Go on where an earlier run ended, or forget it.")] = True,

@@ -26,7 +26,7 @@ _THUMB = 160  # px
 _BLUR = 2.0  # px, over which differences are gathered: edges that are shifted by less count once
 _MOST_CROPS = 4  # that the page chooses
 _CROP_PART, _NARROWEST_CROP, _CROP_ASPECT = 6, 96, 0.75  # a crop is a sixth of the picture wide, or 96 px, and 4:3
-_EDGE_PART = 8  # a crop keeps off the border where that is less than an eighth of the picture
+_EDGE_PART = 8  # a crop's middle keeps off the sides by half of the border, or of an eighth of the picture where that is less
 _CROP_GAP = 4  # the next crop lies a quarter of a crop away at least
 
 

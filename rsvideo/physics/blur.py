@@ -12,7 +12,7 @@ from numba import njit, prange
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
-from rsvideo.physics.camera import Intrinsics, pinhole_from_px, px_from_pinhole
+from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.rotation import cross, left_jacobian
 from rsvideo.physics.shutter import ShutterTiming
@@ -20,7 +20,6 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.physics.warp import taps
 
 SAMPLES = 30  # K of Eq. (3); the paper's (Sec. 5)
-LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
 PARTS = 8  # private copies of the latent image, at most, into which threads scatter
 _REACH_COLS = 5  # columns of each scanline at which the largest move is looked for; a homography moves the ends most
 

@@ -17,6 +17,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 
 _BORDER = 9  # points of each side of the frame where a lens is checked
 _MET = 1e-6  # px, by which the lens must be invertible there
+LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
 MOST_FOCAL_PX = 1e7  # px; no lens is so long, a number in other units may be
 _REACH_SLACK = 1e-9  # on the plane z = 1; rounding alone does not put a ray beyond the reach of a lens
 

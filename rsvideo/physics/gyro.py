@@ -17,7 +17,7 @@ LONGEST = 20.0  # s; the longest exposure and readout together
 SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.1  # s between samples: 50,000 Hz is beyond all sensors, 10 Hz shows no hand shake
 LONGEST_LOG_NS = 10**16  # ns, 116 days: times so far apart are no nanoseconds of one log
 WIDEST_GAP = 20  # steps; a log that lacks more samples in a row says too little of what lies between; origin: by trial
-_STEPS_A_SAMPLE, _MORE_STEPS = 4, 16  # of an integration on either side of its middle for each sample, and beyond; origin: by trial
+_HALF_STEPS, _MORE_STEPS = 4, 16  # half of the integration steps for each of the log's samples, and steps beyond; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,7 +139,7 @@ def integrals(log: GyroLog) -> CubicHermiteSpline:
 
 def path(log: GyroLog, *, camera: Intrinsics, start: float, duration: float) -> Trajectory:
     """The path of a frame whose first scanline opens `start` seconds into the log, with its origin at the middle."""
-    steps = 2 * math.ceil(_STEPS_A_SAMPLE * duration / log.step) + _MORE_STEPS
+    steps = 2 * math.ceil(_HALF_STEPS * duration / log.step) + _MORE_STEPS
     angles = integrate(log, start=start, duration=duration, steps=steps)
     return spline_through(poses_from_angles(angles, camera=camera), duration=duration, spacing=log.step / 2)
 

@@ -15,7 +15,7 @@ from numba import njit, prange
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
-from rsvideo.physics.camera import Intrinsics, pinhole_from_px, px_from_pinhole
+from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
@@ -26,7 +26,6 @@ BAND = 32  # scanlines rendered between two reports of progress, and before an i
 SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
 USUAL_NOISE = 0.003  # standard deviation at half of white: about that of a phone at a low sensitivity
 MOST_GAIN = 1000.0  # that multiplies light; more is no exposure that anybody means
-LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
 STILL = 1e-9  # px; a motion whose longest PSF is shorter does not move
 _INSTANTS = 257  # of a frame's interval, at which the reach of its motion is measured; origin: by trial
 _EXPOSURE_INSTANTS = 33  # of a scanline's exposure, between which the ends of its PSF are looked for; origin: by trial

@@ -16,10 +16,10 @@ from rsvideo.physics.trajectory import Trajectory, centred, fit, still
 
 SMALLEST = 16  # px, either side of a frame
 _SAME_SHAPE = 0.005  # of the ratio of columns to rows, which whole pixels may change
-MOST_TERMS = 31  # coefficients of an axis; polynomials of higher degree cannot be computed surely
+MOST_TERMS = 31  # coefficients of an axis; rounding spoils polynomials of higher degree; origin: by trial
 _FEWEST_SAMPLES, _SLOWEST, _FASTEST = 64, 2000.0, 100e3  # of a hand over a frame's interval; and Hz; origin: by trial
 _KNOT, _FEWEST_KNOTS = 0.0025, 8  # s between a hand's knots, 400 Hz where its spectrum ends below 50; and of an interval; origin: by trial
-_FIT_POINTS = 401  # of a frame's interval, at which a stated polynomial is turned into ours; exact, for more than its terms
+_FIT_POINTS = 401  # of a frame's interval, at which a stated polynomial is fitted; more than its terms, so that the fit is exact
 AXES = ("x", "y", "roll")
 
 Motion = Callable[[Intrinsics, ShutterTiming], Trajectory]  # how a frame of this camera and timing is moved

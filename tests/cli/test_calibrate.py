@@ -19,6 +19,7 @@ from tests.cli.conftest import Run
 
 BOARD = "chessboard:6x5:25mm"
 FOCAL, ROWS, COLS = 300.0, 240, 320
+VIEWS = 7
 
 
 def refused(code: int, line: str, *words: object) -> None:
@@ -48,7 +49,7 @@ def views(printed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     camera = np.array([[FOCAL, 0, COLS / 2 - 0.5], [0, FOCAL, ROWS / 2 - 0.5], [0, 0, 1]])
     fine = np.array([[4, 0, 1.5], [0, 4, 1.5], [0, 0, 1]])
     rng = np.random.default_rng(1)
-    for n in range(9):
+    for n in range(VIEWS):
         R = cv2.Rodrigues(rng.uniform(-0.5, 0.5, 3))[0]
         middle = (rng.uniform(-0.06, 0.06), rng.uniform(-0.03, 0.03), rng.uniform(0.33, 0.42))
         H = fine @ camera @ np.stack([R[:, 0], R[:, 1], np.array(middle)], axis=1) @ metres
@@ -85,7 +86,7 @@ def test_a_person_measures_their_camera_and_gets_one_profile(rsvideo: Run, views
     assert lens.fx.std is not None
     assert abs(lens.fx.value - FOCAL) < 4 * lens.fx.std
     assert lens.found is not None
-    assert set(lens.found.files) == {f"{n}.png" for n in range(9)}
+    assert set(lens.found.files) == {f"{n}.png" for n in range(VIEWS)}
     done = rsvideo("calibrate", "response", *bracket, "--exposures", "1/500,1/250,1/125,1/60,1/30", "-o", mine, "--add")
     assert done.returncode == 0, done.stderr
     both = profiles.find(str(mine))
