@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from types import FrameType
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.placing import SIGNALS
 
 
 class Code(enum.IntEnum):
@@ -34,9 +35,10 @@ class Stopped(BaseException):  # not an error, and no handler of errors may catc
 
 
 def listen() -> None:
-    """Turn the first SIGINT or SIGTERM into `Stopped`; a second one ends at once."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _stop)
+    """Turn the first signal to end into `Stopped`; a second one ends at once. One that is ignored, as under nohup, stays so."""
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _stop)
 
 
 def _stop(number: int, _: FrameType | None) -> None:
@@ -79,7 +81,8 @@ def _origin(error: BaseException) -> BaseException:
 def _code_and_words(error: BaseException) -> tuple[int, str]:
     match error:
         case Stopped():
-            return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; nothing was written"
+            result = "; ".join(getattr(error, "__notes__", ())) or "nothing was written"
+            return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; {result}"
         case RefusedError():
             return Code.USAGE, str(error)
         case UnreadableError():

@@ -298,7 +298,7 @@ def test_a_job_killed_at_random_moments_ends_as_if_it_had_not_been(job: Path, wh
 
 
 def test_a_job_killed_between_a_result_and_its_entry_in_the_ledger_goes_on(job: Path, whole: dict[str, bytes]) -> None:
-    assert call("run", job, ORPHANED="a b.mp4", TALLY=job.with_name("worker")).returncode == -signal.SIGKILL
+    assert call("run", job, ORPHANED="a b_rsvideo.mp4", TALLY=job.with_name("worker")).returncode == -signal.SIGKILL
     assert (job.parent / "restored" / "a b_rsvideo.mp4").exists()
     worker = Path("/proc") / job.with_name("worker").read_text()
     while worker.exists() and "State:\tZ" not in (worker / "status").read_text():  # no worker outlives the command

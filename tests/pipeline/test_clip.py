@@ -10,6 +10,7 @@ import pytest
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
+from rsvideo.config.placing import place
 from rsvideo.config.request import Request, option_fields
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
@@ -42,7 +43,9 @@ def silent(*_: object) -> None:
 
 def carried_out(task: Task, folder: Path) -> tuple[Outcome, list[ChunkRecord]]:
     records = [work(task, chunk, folder, silent) for chunk in chunks(task)]
-    return finish(task, records, folder), records
+    finished = finish(task, records, folder)
+    place(finished.made)
+    return finished.outcome, records
 
 
 def decoded(path: Path) -> tuple[Stream, list[tuple[np.ndarray, ...]]]:
