@@ -40,7 +40,7 @@ class Batch:
 
     folder: Path  # of the results
     working: Path  # of what is kept until all is done
-    job: str  # the job's file, seen from the folder
+    job: str  # the job's file, relative to the folder
     items: tuple[Item, ...]
     report: Report
 

@@ -13,7 +13,7 @@ from rsvideo.config.sidecar import Mark, Written
 
 
 def relative(path: Path, folder: Path) -> str:
-    """Where a file is, seen from a folder: the same when both are moved together."""
+    """The path from a folder to a file: the same when both are moved together."""
     return os.fsencode(os.path.relpath(path.resolve(), folder.resolve())).decode("utf-8", "backslashreplace")
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import enum
+import os
 import signal
 import sys
 from collections.abc import Iterable, Iterator
@@ -64,6 +65,15 @@ def note(notes: Iterable[str]) -> None:
     """What the user should know beside the result, a line each."""
     for each in notes:
         print(f"rsvideo: note: {each}", file=sys.stderr)
+
+
+def last_words(words: str) -> None:
+    """Why the command ends, if anybody is left to read it: after a SIGHUP the terminal may be gone."""
+    try:
+        print(f"rsvideo: {words}", file=sys.stderr, flush=True)
+    except OSError:
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 # where the interpreter can flush what it could not print
+            os.dup2(nowhere.fileno(), 2)
 
 
 def told(error: BaseException) -> tuple[int, str]:

@@ -64,7 +64,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
     from rsvideo.batch import plan, workers
     from rsvideo.batch.run import carry_out
     from rsvideo.cli import batch_progress, quiet
-    from rsvideo.cli.exit_codes import Code, Stopped
+    from rsvideo.cli.exit_codes import Code, Stopped, last_words
 
     with refusing(), quiet.c_libraries():
         plans = plan.settled(batch, _ours(batch, book))
@@ -75,7 +75,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
         with batch_progress.shown(progress) as show, workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
             results = carry_out(plans, book, crew, show)
     except Stopped as error:
-        _say(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
+        last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except OSError as error:
         _say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")

@@ -41,9 +41,9 @@ def check(written: Sequence[Path], read: Iterable[Path], *, overwrite: bool) -> 
     for path in written:
         for each in inputs:
             if same(path, each):
-                raise ValueError(f"{path} must not be written, it is {each}, which is read; the original is never replaced")
+                raise ValueError(f"{path} must not be written, it is {each}, which is read and would be lost")
             if path.is_dir() and path.resolve() in each.resolve().parents:
-                raise ValueError(f"{path} must not be written, it holds {each}, which is read; the original is never replaced")
+                raise ValueError(f"{path} must not be written, it holds {each}, which is read and would be lost")
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise ValueError(f"{path} must be the name of a file, it is a device or a pipe")
         check_free(path, overwrite=overwrite)

@@ -40,7 +40,7 @@ def check(request: Request) -> None:
 
 
 def check_kind(output: Path, *, folder: bool) -> None:
-    """Refuse an OUTPUT that exists and is a folder where a file is written, or the other way round, with ValueError."""
+    """Refuse a folder where a file is written, and a file where a folder is, with ValueError."""
     if output.exists() and output.is_dir() != folder:
         one, other = ("a folder", "a file") if folder else ("a file", "a folder")
         raise ValueError(f"OUTPUT must be {one}, {output} is {other}")
