@@ -85,7 +85,7 @@ class Ledger:
         """Take over a chunk's files from the folder they were made in, and note its record."""
         for name in json.loads(record)["sha256"]:
             (made_in / name).replace(self.place(output) / name)
-        checksum = _checksum(_key(output), number, record)
+        checksum = row_checksum(_key(output), number, record)
         self._do("INSERT OR REPLACE INTO chunk VALUES (?, ?, ?, ?)", _key(output), number, record, checksum)
 
     def intend(self, output: str, sha256: Sequence[str]) -> None:
@@ -132,7 +132,7 @@ class Ledger:
 
     def _put(self, output: str, entry: Entry) -> None:
         text = json.dumps(entry.model_dump())  # with names that are no text escaped
-        self._do("INSERT OR REPLACE INTO clip VALUES (?, ?, ?)", _key(output), text, _checksum(_key(output), text))
+        self._do("INSERT OR REPLACE INTO clip VALUES (?, ?, ?)", _key(output), text, row_checksum(_key(output), text))
 
     def _do(self, command: str, *values: object) -> list[tuple]:
         try:
@@ -290,7 +290,7 @@ def _entries(database: sqlite3.Connection) -> dict[bytes, Entry]:
 
 def _believed(kind: type[_Model], text: object, checksum: object, *key: object) -> _Model | None:
     """What a row holds, if its checksum agrees and it can be understood."""
-    if not (isinstance(text, str) and isinstance(key[0], bytes) and checksum == _checksum(*key, text)):
+    if not (isinstance(text, str) and isinstance(key[0], bytes) and checksum == row_checksum(*key, text)):
         return None
     try:
         return kind.model_validate(json.loads(text))
@@ -298,7 +298,8 @@ def _believed(kind: type[_Model], text: object, checksum: object, *key: object) 
         return None
 
 
-def _checksum(*values: object) -> str:
+def row_checksum(*values: object) -> str:
+    """Of a row: its key and what it holds."""
     return hashlib.sha256(repr(values).encode("utf-8", "surrogatepass")).hexdigest()
 
 

@@ -6,6 +6,7 @@ there to its names, all of it or nothing.
 """
 
 import contextlib
+import errno
 import os
 import signal
 import tempfile
@@ -94,6 +95,9 @@ def place(made: Sequence[Made]) -> None:
 
 def _place(made: Made, moved: list[tuple[Path, Path]]) -> None:
     """Move what was made, or into an older folder its files; `moved` gets what was moved from where to where, to be undone if need be."""
+    if made.path.exists() and made.path.is_dir() != made.at.is_dir():
+        number = errno.EISDIR if made.path.is_dir() else errno.ENOTDIR
+        raise OSError(number, os.strerror(number), str(made.path))
     older = made.at.parent / ".older"
     pairs = [(made.at, made.path)]
     if made.at.is_dir() and made.path.is_dir():
@@ -113,7 +117,7 @@ def _keep(path: Path, older: Path, moved: list[tuple[Path, Path]], *, named: boo
         if not named:
             raise OSError
         os.link(path, older, follow_symlinks=False)
-    except OSError:  # there are file systems without second names, and folders have none
+    except OSError:  # there are file systems without second names
         path.rename(older)
     moved.append((path, older))
 

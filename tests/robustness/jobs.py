@@ -64,6 +64,15 @@ def results(job: Path) -> Files:
     return {path.name: path.read_bytes() for path in (job.parent / "restored").iterdir() if path.is_file()}
 
 
+def undisturbed(folder: Path) -> Files:
+    """All files beside the results of a job that nothing disturbs."""
+    job = make(folder)
+    done = run(job)
+    assert done.returncode == 0, done.stderr
+    assert not left_behind(job)
+    return results(job)
+
+
 def left_behind(job: Path) -> list[str]:
     """Folders beside the results: a run that has ended well leaves none."""
     return [path.name for path in (job.parent / "restored").iterdir() if path.is_dir()]
