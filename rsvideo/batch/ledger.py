@@ -65,6 +65,12 @@ class Ledger:
         found = self._do("SELECT entry, checksum FROM clip WHERE output = ?", _key(output))
         return _believed(Entry, found[0][0], found[0][1], _key(output)) if found else None
 
+    def entries(self) -> dict[bytes, Entry]:
+        """What is kept of all sources, by their keys."""
+        rows = self._do("SELECT output, entry, checksum FROM clip")
+        believed = {output: _believed(Entry, text, checksum, output) for output, text, checksum in rows}
+        return {output: entry for output, entry in believed.items() if entry is not None}
+
     def records(self, output: str) -> dict[int, str]:
         """The records of those chunks whose files are there and hold what was written into them."""
         found = self._do("SELECT number, record, checksum FROM chunk WHERE output = ?", _key(output))
@@ -100,7 +106,7 @@ class Ledger:
 
     def counts(self) -> tuple[int, int]:
         """How many clips and how many chunks are kept."""
-        done = {output: entry.result is not None for output, entry in _entries(self.database).items()}
+        done = {output: entry.result is not None for output, entry in self.entries().items()}
         chunks = self._do("SELECT output FROM chunk")
         return sum(done.values()), sum(not done.get(output, True) for (output,) in chunks)
 
@@ -112,7 +118,7 @@ class Ledger:
     @property
     def empty(self) -> bool:
         """Whether nothing would be lost without it."""
-        kept = any(entry.ours or entry.result for entry in _entries(self.database).values())
+        kept = any(entry.ours or entry.result for entry in self.entries().values())
         return not (kept or self.recovered or self._do("SELECT 1 FROM chunk"))
 
     def remove(self) -> None:
@@ -269,23 +275,16 @@ def _lost_rows(database: sqlite3.Connection) -> int:
 
 def _forget(ledger: Ledger) -> None:
     """Forget all but which results are ours."""
-    for output, entry in _entries(ledger.database).items():
+    for output, entry in ledger.entries().items():
         ledger.begin(_name(output), Entry(input=entry.input, settings=None, source=None, ours=entry.ours, stamps=entry.stamps))
-    ledger.database.execute("DELETE FROM chunk")
 
 
 def _tidy(ledger: Ledger) -> None:
     """Remove what a run has left that was ended, perhaps while it worked."""
-    ours = {ledger.place(_name(output)) for output in _entries(ledger.database)}
+    ours = {ledger.place(_name(output)) for output in ledger.entries()}
     for left in [each for each in ledger.folder.iterdir() if _PLACE.fullmatch(each.name)]:
         for unfinished in left.glob("run-*") if left in ours else [left]:
             shutil.rmtree(unfinished, ignore_errors=True)
-
-
-def _entries(database: sqlite3.Connection) -> dict[bytes, Entry]:
-    rows = database.execute("SELECT output, entry, checksum FROM clip").fetchall()
-    believed = {output: _believed(Entry, text, checksum, output) for output, text, checksum in rows}
-    return {output: entry for output, entry in believed.items() if entry is not None}
 
 
 def _believed(kind: type[_Model], text: object, checksum: object, *key: object) -> _Model | None:

@@ -134,7 +134,7 @@ def _sync(folder: Path) -> None:
 
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Signals that come meanwhile are obeyed at the end; what they raise then carries the note that the work was completed."""
+    """Signals that come meanwhile are obeyed at the end; what they raise then carries a note if the work was completed."""
     if threading.current_thread() is not threading.main_thread():  # which alone obeys signals
         yield
         return
@@ -147,14 +147,17 @@ def uninterrupted() -> Iterator[None]:
     before = {number: how for number, how in before.items() if callable(how) or how is signal.SIG_DFL}
     for number in before:
         signal.signal(number, later)
+    complete = False
     try:
         yield
+        complete = True
     finally:
         for number, how in before.items():
             signal.signal(number, how)
-    try:
-        for number in came:
-            signal.raise_signal(number)
-    except BaseException as stop:
-        stop.add_note("the result is complete")
-        raise
+        try:
+            for number in came:
+                signal.raise_signal(number)
+        except BaseException as stop:
+            if complete:
+                stop.add_note("the result is complete")
+            raise

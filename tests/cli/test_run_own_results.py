@@ -16,8 +16,6 @@ from rsvideo.batch import ledger
 from rsvideo.cli import exit_codes
 from tests.robustness import jobs
 
-AT_LAST = "two.mov 2"
-
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> jobs.Files:
@@ -29,12 +27,15 @@ def job(tmp_path: Path) -> Path:
     return jobs.make(tmp_path / "job")
 
 
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return jobs.halted(tmp_path_factory.mktemp("halted"))
+
+
 @pytest.fixture
-def halted(job: Path) -> Path:
+def halted(once: Path, tmp_path: Path) -> Path:
     """A job one of whose clips is not finished; the two others are."""
-    done = jobs.run(job, KILLED=AT_LAST)
-    assert done.returncode == 1, done.stderr
-    return job
+    return jobs.copied(once, tmp_path / "job")
 
 
 def refused(done: subprocess.CompletedProcess[str], *words: str) -> None:
@@ -136,8 +137,8 @@ def test_chunks_that_do_not_cover_the_clip_are_done_anew(halted: Path, whole: jo
 
 
 @pytest.mark.parametrize("kind", ["link", "file"])
-def test_what_stands_in_the_place_of_what_is_kept_is_left_alone(job: Path, whole: jobs.Files, kind: str) -> None:
-    assert jobs.run(job, KILLED=AT_LAST).returncode == 1
+def test_what_stands_in_the_place_of_what_is_kept_is_left_alone(halted: Path, whole: jobs.Files, kind: str) -> None:
+    job = halted
     (kept,) = (path.parent for path in job.parent.rglob("ledger.sqlite"))
     mine = job.parent / "mine"
     (mine / "0123456789abcdef").mkdir(parents=True)

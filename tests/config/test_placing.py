@@ -84,6 +84,20 @@ def test_a_signal_comes_before_or_after_all_names(tmp_path: Path, monkeypatch: p
     assert caught.value.__notes__ == ["the result is complete"]
 
 
+def test_a_signal_is_not_lost_where_names_cannot_be_had(tmp_path: Path) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught, placing.uninterrupted():
+            signal.raise_signal(signal.SIGTERM)
+            raise OSError
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert not hasattr(caught.value, "__notes__")
+
+
 @pytest.mark.parametrize("how", ["name", "link", "hard link", "folder"])
 def test_what_is_read_is_not_written(tmp_path: Path, how: str) -> None:
     (tmp_path / "take").mkdir()

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -71,6 +72,20 @@ def undisturbed(folder: Path) -> Files:
     assert done.returncode == 0, done.stderr
     assert not left_behind(job)
     return results(job)
+
+
+def halted(folder: Path) -> Path:
+    """A job one of whose clips is not finished, with chunks that are kept; the two others are."""
+    job = make(folder)
+    done = run(job, KILLED="two.mov 2")
+    assert done.returncode == 1, done.stderr
+    assert len(list(folder.glob("restored/*_rsvideo.mp4"))) == 2
+    return job
+
+
+def copied(job: Path, folder: Path) -> Path:
+    """The same job with all that it has made, elsewhere."""
+    return shutil.copytree(job.parent, folder) / job.name
 
 
 def left_behind(job: Path) -> list[str]:

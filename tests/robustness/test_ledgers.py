@@ -11,7 +11,6 @@ import pytest
 from tests.robustness import jobs
 
 COUNT = 60
-AT_LAST = "two.mov 2"  # a chunk that dies: one clip of three stays unfinished, with chunks that are kept
 
 Damage = Callable[[Path, random.Random], None]
 
@@ -100,10 +99,7 @@ KINDS: tuple[Damage, ...] = (digits, rows, cut_short, bytes_changed, empty, nois
 
 def goes_on(job: Path, whole: jobs.Files, damage: Damage, chance: random.Random) -> str:
     """How a job ends whose ledger is damaged when one of its clips is unfinished."""
-    first = jobs.run(job, KILLED=AT_LAST)
-    assert first.returncode == 1, first.stderr
     before = jobs.results(job)
-    assert len(before) > 4
     (ledger,) = job.parent.rglob("ledger.sqlite")
     damage(ledger, chance)
     words = ["--fresh"] if chance.random() < 0.3 else []
@@ -119,14 +115,14 @@ def goes_on(job: Path, whole: jobs.Files, damage: Damage, chance: random.Random)
 
 
 @pytest.mark.parametrize("damage", [digits, empty, foreign, version], ids=lambda damage: damage.__name__)
-def test_a_job_goes_on_after_damage_to_its_ledger(tmp_path: Path, whole: jobs.Files, damage: Damage) -> None:
-    assert goes_on(jobs.make(tmp_path / "job"), whole, damage, random.Random(1)) == "the same bytes"
+def test_a_job_goes_on_after_damage_to_its_ledger(tmp_path: Path, halted: Path, whole: jobs.Files, damage: Damage) -> None:
+    assert goes_on(jobs.copied(halted, tmp_path / "job"), whole, damage, random.Random(1)) == "the same bytes"
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(COUNT))
 def test_ledgers_that_are_damaged_at_random(
-    tmp_path: Path, whole: jobs.Files, seed: int, record_property: Callable[[str, object], None]
+    tmp_path: Path, halted: Path, whole: jobs.Files, seed: int, record_property: Callable[[str, object], None]
 ) -> None:
     damage = KINDS[seed % len(KINDS)]
-    record_property("ends", goes_on(jobs.make(tmp_path / "job"), whole, damage, random.Random(seed)))
+    record_property("ends", goes_on(jobs.copied(halted, tmp_path / "job"), whole, damage, random.Random(seed)))
