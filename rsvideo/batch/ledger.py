@@ -260,9 +260,12 @@ def _lost_rows(database: sqlite3.Connection) -> int:
     """Remove what cannot be believed; how many rows there were of that."""
     clips = database.execute("SELECT output, entry, checksum FROM clip").fetchall()
     chunks = database.execute("SELECT output, number, record, checksum FROM chunk").fetchall()
-    bad_clips = [output for output, text, checksum in clips if _believed(Entry, text, checksum, output) is None]
+    good = {output for output, text, checksum in clips if _believed(Entry, text, checksum, output)}
+    bad_clips = [output for output, _, _ in clips if output not in good]
     bad_chunks = [
-        (output, number) for output, number, text, checksum in chunks if _believed(ChunkRecord, text, checksum, output, number) is None
+        (output, number)
+        for output, number, text, checksum in chunks
+        if output not in good or not _believed(ChunkRecord, text, checksum, output, number)
     ]
     if bad_clips or bad_chunks:
         database.execute("BEGIN EXCLUSIVE")

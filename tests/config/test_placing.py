@@ -88,11 +88,15 @@ def test_a_signal_is_not_lost_where_names_cannot_be_had(tmp_path: Path) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        with pytest.raises(KeyboardInterrupt) as caught, placing.uninterrupted():
+    def interrupted() -> None:
+        with placing.uninterrupted():
             signal.raise_signal(signal.SIGTERM)
             raise OSError
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught:
+            interrupted()
     finally:
         signal.signal(signal.SIGTERM, before)
     assert not hasattr(caught.value, "__notes__")

@@ -4,7 +4,7 @@ import os
 import random
 import resource
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -58,8 +58,10 @@ def test_a_full_disk_leaves_whole_pairs_and_the_run_goes_on(small: Path, whole: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(COUNT))
-def test_disks_that_are_full_at_random_moments(small: Path, whole: jobs.Files, seed: int) -> None:
-    survives(small, whole, random.Random(seed))
+def test_disks_that_are_full_at_random_moments(
+    small: Path, whole: jobs.Files, seed: int, record_property: Callable[[str, object], None]
+) -> None:
+    record_property("code", survives(small, whole, random.Random(seed)))
 
 
 def test_files_that_may_not_grow_leave_whole_pairs(tmp_path: Path, whole: jobs.Files) -> None:

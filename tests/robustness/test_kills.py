@@ -5,6 +5,7 @@ import os
 import random
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -30,8 +31,8 @@ def ended(job: Path, sent: signal.Signals, chance: random.Random) -> int:
     return working.returncode
 
 
-def survives(job: Path, whole: jobs.Files, sent: signal.Signals, chance: random.Random) -> None:
-    """A run that is ended, and another that goes on from there."""
+def survives(job: Path, whole: jobs.Files, sent: signal.Signals, chance: random.Random) -> int:
+    """The exit code of a run that is ended; another goes on from there."""
     code = ended(job, sent, chance)
     assert code in (0, -sent, 128 + sent), code
     if sent is not signal.SIGKILL:
@@ -41,6 +42,7 @@ def survives(job: Path, whole: jobs.Files, sent: signal.Signals, chance: random.
         assert done.returncode == 0, done.stderr
     assert jobs.results(job) == whole
     assert not jobs.left_behind(job)
+    return code
 
 
 @pytest.mark.parametrize("sent", SENT, ids=lambda sent: sent.name)
@@ -50,5 +52,7 @@ def test_a_run_that_is_ended_goes_on_to_the_same_bytes(tmp_path: Path, whole: jo
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(COUNT))
-def test_runs_that_are_ended_at_random_moments(tmp_path: Path, whole: jobs.Files, seed: int) -> None:
-    survives(jobs.make(tmp_path / "job"), whole, SENT[seed % len(SENT)], random.Random(seed))
+def test_runs_that_are_ended_at_random_moments(
+    tmp_path: Path, whole: jobs.Files, seed: int, record_property: Callable[[str, object], None]
+) -> None:
+    record_property("code", survives(jobs.make(tmp_path / "job"), whole, SENT[seed % len(SENT)], random.Random(seed)))
