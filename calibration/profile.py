@@ -126,7 +126,7 @@ def show(camera: CameraProfile | Path | str, file: Path | str, *, overwrite: boo
     from rsvideo.report.plots import FORMATS
 
     file = Path(file)
-    kind = file_format(file, FORMATS, overwrite=overwrite)
+    kind = file_format(file, FORMATS, overwrite=overwrite, read=[] if isinstance(camera, CameraProfile) else [Path(camera)])
     write_whole({file: profile_page.draw(camera if isinstance(camera, CameraProfile) else read(camera), kind)})
 
 

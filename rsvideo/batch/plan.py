@@ -1,6 +1,7 @@
 """From a job's file to one request per photograph and clip, and what each comes to."""
 
 import glob
+import hashlib
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -9,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
+from rsvideo.batch.recognition import relative
 from rsvideo.config import yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_clip
 from rsvideo.config.request import Request, Sections
+from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import deblur, fingerprint
@@ -20,6 +23,7 @@ from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import prepare
 
 MOST_SOURCES = 10_000
+_LONGEST_STEM, _TELLING = 40, 8  # characters of a folder's name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +40,7 @@ class Batch:
 
     folder: Path  # of the results
     working: Path  # of what is kept until all is done
+    job: str  # the job's file, relative to the folder
     items: tuple[Item, ...]
     report: Report
 
@@ -48,13 +53,14 @@ class Planned:
     timing: ShutterTiming
     timing_source: str
     notes: tuple[str, ...]
+    first: int
     frames: int
     rows: int
     cols: int
     seconds: float  # a rough guess at the work
     bytes: int  # of disk, while it lasts
-    settings: str  # fingerprints
-    source: str
+    overwrite: bool  # whatever stands there; the request's own is true of the job's own results too
+    mark: Mark
 
     def values(self, chunks: Sequence[Chunk]) -> dict[str, Any]:
         """The plan as plain values."""
@@ -93,16 +99,19 @@ def read(path: Path, sets: Sequence[str] = (), *, overwrite: bool = False) -> Ba
     report = job.report.model_copy(update=wanted.report.model_dump(exclude_unset=True))
     folder = path.parent / output.folder
     items = _without_results(_items(job, wanted, positions, folder, output.name, overwrite=overwrite))
-    _check_apart(items)
-    return Batch(folder=folder, working=folder / f".rsvideo-{path.stem}", items=tuple(items), report=report)
+    _check_apart(items, path)
+    name = relative(path, folder)
+    own = hashlib.sha256(name.encode()).hexdigest()[:_TELLING]  # jobs of one name in different folders do not share what they keep
+    working = folder / f".rsvideo-{path.stem[:_LONGEST_STEM]}-{own}"
+    return Batch(folder=folder, working=working, job=name, items=tuple(items), report=report)
 
 
-def settled(batch: Batch, ours: Callable[[str], bool]) -> list["Planned | Unreadable"]:
-    """Open all sources and answer every question; `ours` says whether an output of that name was written by this very job.
+def settled(batch: Batch, ours: Callable[[Request], bool]) -> list["Planned | Unreadable"]:
+    """Open all sources and answer every question; `ours` says whether what stands under a request's names was written by this very job.
 
     A damaged source does not hold up the others; a wrong request (ConfigError) or an output that exists (FileExistsError) does.
     """
-    plans = [_settled(item, ours=ours(item.request.output.name)) for item in batch.items]
+    plans = [_settled(item, batch.job, ours=ours(item.request)) for item in batch.items]
     taken: dict[Path, Planned] = {}
     for plan in plans:
         if isinstance(plan, Planned) and (other := taken.setdefault(plan.request.record, plan)) is not plan:
@@ -116,7 +125,7 @@ def chunks(plan: Planned) -> tuple[Chunk, ...]:
     return tuple(deblur.chunks(prepare(plan.request)))
 
 
-def _settled(item: Item, *, ours: bool) -> "Planned | Unreadable":
+def _settled(item: Item, job: str, *, ours: bool) -> "Planned | Unreadable":
     request = item.request.replaced(overwrite=item.request.overwrite or ours)
     try:
         task = prepare(request)
@@ -133,13 +142,14 @@ def _settled(item: Item, *, ours: bool) -> "Planned | Unreadable":
         timing=task.timing,
         timing_source=task.timing_source,
         notes=tuple(task.notes),
+        first=task.first,
         frames=task.frames,
         rows=task.rows,
         cols=task.cols,
         seconds=float(seconds),
         bytes=int(size),
-        settings=settings,
-        source=source,
+        overwrite=item.request.overwrite,
+        mark=Mark(job=job, input=relative(request.source, request.output.parent), settings=settings, source=source),
     )
 
 
@@ -205,9 +215,10 @@ def _without_results(items: Iterator[tuple[Item, bool]]) -> list[Item]:
     return [each for each, named in all_of_them if named or by_result.get(each.request.source.resolve()) in (None, each)]
 
 
-def _check_apart(items: Sequence[Item]) -> None:
+def _check_apart(items: Sequence[Item], job: Path) -> None:
     taken: dict[Path, Item] = {}
     sources = {item.request.source.resolve(): item for item in items}
+    inputs = {path.resolve() for item in items for path in item.request.inputs} | {job.resolve()}
     for item in items:
         output = item.request.output
         if (other := taken.setdefault(output, item)) is not item:
@@ -217,3 +228,7 @@ def _check_apart(items: Sequence[Item]) -> None:
             )
         if (other := sources.get(output.resolve())) is not None:
             raise ConfigError(f"{item.where}: {output} is the result of {item.request.source} and a source too ({other.where})")
+        if (path := next((path for path in item.request.files if path.resolve() in inputs), None)) is not None:
+            raise ConfigError(
+                f"{item.where}: {path} would be written with the result of {item.request.source}, and is read by this job too"
+            )

@@ -62,5 +62,5 @@ def main() -> None:
         if not quiet.wanted() and not isinstance(error, exit_codes.Stopped):
             raise
         code, line = exit_codes.code_and_line(error)
-        print(f"rsvideo: {line}", file=sys.stderr)
+        exit_codes.last_words(line)
     sys.exit(code)

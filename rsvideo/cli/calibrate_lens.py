@@ -59,7 +59,7 @@ def lens(
         parse(board)
         rolling = None if readout is None else hand_held("readout", seconds("readout", readout), zero=True)
         if figure:
-            file_format(figure, FORMATS, overwrite=overwrite)
+            file_format(figure, FORMATS, overwrite=overwrite, read=sources)
         before = earlier(output, add=add, overwrite=overwrite)
         try:
             with progress_bar() as observe:

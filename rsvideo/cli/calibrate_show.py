@@ -51,7 +51,7 @@ def convert(
         if output is None:
             sys.stdout.write(text)
         else:
-            file_format(output, (), overwrite=overwrite)
+            file_format(output, (), overwrite=overwrite, read=[Path(camera)])
             write_whole({output: text.encode()})
     for note in notes:
         say(note)

@@ -39,6 +39,7 @@ _ALL = (
     Method.GYRO_REFINE,
 )
 _TABLE = (Method.NONE, Method.UNIFORM, Method.NONUNIFORM, Method.STITCH, Method.RECTIFY_UNIFORM, Method.RSVIDEO)
+_FILES = ("index.html", "report.csv", "report.json")  # of a report
 _FORMATS: dict[str, "Format"] = {".md": "markdown", ".tex": "latex", ".csv": "csv"}
 
 
@@ -70,7 +71,9 @@ def compare(
     resume: Annotated[bool, Option("--resume/--fresh", help="Take results of the same request that are there, or make them anew.")] = True,
     given: options.Given = options.NOTHING,
     sets: Sets = None,
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace the report, or the table.")] = False,
+    overwrite: Annotated[
+        bool, Option("--overwrite", help="Replace the report, or the table, and what stands in the way of results.")
+    ] = False,
     json: Annotated[bool, Option("--json", help="Print report.json on standard output.")] = False,
 ) -> int:
     """Try several methods, and show who wins and why: a page (index.html) to open, the same numbers in report.csv and report.json.
@@ -157,13 +160,15 @@ def _crop(text: str) -> tuple[int, int, int, int]:
     return x, y, w, h
 
 
-def _folder(output: Path, *, overwrite: bool) -> None:
+def _folder(output: Path, works: Sequence[_Work], *, overwrite: bool) -> None:
     """Make the report's folder, or refuse it."""
     import tempfile
 
-    for name in ("index.html", "report.csv", "report.json"):
-        if (output / name).exists() and not overwrite:
-            raise FileExistsError(f"{output / name} exists already; give --overwrite to replace the report")
+    from rsvideo.config import placing
+
+    folders = dict.fromkeys([output, *(output / work.name for work in works)])
+    read = [path for work in works for path in (*work.requests[0].inputs, *([work.truth] if work.truth else []))]
+    placing.check([folder / name for folder in folders for name in _FILES], read, overwrite=overwrite)
     try:
         output.mkdir(exist_ok=True)
         tempfile.TemporaryFile(dir=output).close()
@@ -216,14 +221,16 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How
     """A page for each input; and an index of them all, with a `title`."""
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
-    from rsvideo.comparison import preflight
+    from rsvideo.comparison import method_run, preflight
     from rsvideo.config.files import write_whole
     from rsvideo.progress import within
     from rsvideo.report import page
 
     with quiet.c_libraries():
         works = [replace(work, requests=preflight.settled(work.requests, work.truth, work.crops)) for work in works]
-    _folder(output, overwrite=how.overwrite)
+    for work in works:
+        method_run.check([method_run.Order(request=request) for request in work.requests], overwrite=how.overwrite)
+    _folder(output, works, overwrite=how.overwrite)
     done, everyone = [], []
     with progress_bar() as observe:
         for n, work in enumerate(works):
@@ -330,6 +337,7 @@ def _table(cases: Path, output: Path, form: "Format | None", wanted: _Wanted, re
     from rsvideo.cli.progress import progress_bar
     from rsvideo.comparison import cases as folder
     from rsvideo.config.files import write_whole
+    from rsvideo.config.placing import check_free
     from rsvideo.report import table
 
     stated = [*map(options.flag, wanted.given), *(["--truth"] if wanted.truth else []), *(["--crop"] if wanted.crops else [])]
@@ -341,11 +349,12 @@ def _table(cases: Path, output: Path, form: "Format | None", wanted: _Wanted, re
     found = folder.find(cases)
     if not output.parent.is_dir():
         raise ValueError(f"the folder {output.parent} of {output.name} must exist; make it first, or is its name mistyped?")
-    if output.exists() and not how.overwrite:
-        raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
+    check_free(output, overwrite=how.overwrite)
     methods, kept = wanted.methods or _TABLE, results or output.with_name(output.stem + "_results")
     with progress_bar() as observe:
-        scores = folder.scored(found, methods, kept, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=observe)
+        scores = folder.scored(
+            found, methods, kept, most=how.jobs, resume=how.resume, overwrite=how.overwrite, quiet=quiet.wanted(), observe=observe
+        )
     write_whole({output: table.written(scores, form).encode()})
     note(scores.notes)
     print(f"rsvideo: {len(scores.rows)} cases, {len(methods)} methods: {output}", file=sys.stderr)

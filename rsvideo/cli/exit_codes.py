@@ -2,12 +2,14 @@
 
 import contextlib
 import enum
+import os
 import signal
 import sys
 from collections.abc import Iterable, Iterator
 from types import FrameType
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.placing import SIGNALS
 
 
 class Code(enum.IntEnum):
@@ -34,9 +36,10 @@ class Stopped(BaseException):  # not an error, and no handler of errors may catc
 
 
 def listen() -> None:
-    """Turn the first SIGINT or SIGTERM into `Stopped`; a second one ends at once."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _stop)
+    """Turn the first signal to end into `Stopped`; a second one ends at once. One that is ignored, as under nohup, stays so."""
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _stop)
 
 
 def _stop(number: int, _: FrameType | None) -> None:
@@ -64,6 +67,15 @@ def note(notes: Iterable[str]) -> None:
         print(f"rsvideo: note: {each}", file=sys.stderr)
 
 
+def last_words(words: str) -> None:
+    """Why the command ends, if anybody is left to read it: after a SIGHUP the terminal may be gone."""
+    try:
+        print(f"rsvideo: {words}", file=sys.stderr, flush=True)
+    except OSError:
+        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 # where the interpreter can flush what it could not print
+            os.dup2(nowhere.fileno(), 2)
+
+
 def code_and_line(error: BaseException) -> tuple[int, str]:
     """The exit code for what went wrong, and the line that says so."""
     code, words = _code_and_words(_origin(error))
@@ -79,7 +91,8 @@ def _origin(error: BaseException) -> BaseException:
 def _code_and_words(error: BaseException) -> tuple[int, str]:
     match error:
         case Stopped():
-            return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; nothing was written"
+            result = "; ".join(getattr(error, "__notes__", ())) or "nothing was written"
+            return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; {result}"
         case RefusedError():
             return Code.USAGE, str(error)
         case UnreadableError():

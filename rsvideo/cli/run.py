@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
     from rsvideo.batch.plan import Batch, Planned
     from rsvideo.batch.run import Result
+    from rsvideo.config.request import Request
     from rsvideo.pipeline.pieces import Chunk
 
 
@@ -43,7 +44,7 @@ def run(
     5 done, but more frames failed than report.most_failed_frames.
     """
     with refusing():
-        from rsvideo.batch import ledger, plan
+        from rsvideo.batch import ledger, lock, plan
 
         batch = plan.read(path, sets or (), overwrite=overwrite)
     try:
@@ -52,10 +53,10 @@ def run(
                 return _print_plan(batch, lambda _: False, json=json)
             with ledger.opened(batch.working, fresh=not resume and not dry_run) as (book, notes):
                 if dry_run:
-                    return _print_plan(batch, book.ours, json=json)
+                    return _print_plan(batch, _ours(batch, book), json=json)
                 note(notes)
                 return _carry_out(batch, book, jobs=jobs, progress=progress, json=json)
-    except ledger.BusyError as error:
+    except lock.BusyError as error:
         _say(str(error))
         return 1
 
@@ -64,10 +65,10 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
     from rsvideo.batch import plan, workers
     from rsvideo.batch.run import carry_out
     from rsvideo.cli import batch_progress, quiet
-    from rsvideo.cli.exit_codes import Code, Stopped
+    from rsvideo.cli.exit_codes import Code, Stopped, last_words
 
     with refusing(), quiet.c_libraries():
-        plans = plan.settled(batch, book.ours)
+        plans = plan.settled(batch, _ours(batch, book))
     for each in plans:
         if isinstance(each, plan.Planned):
             note(f"{each.request.source}: {words}" for words in each.notes)
@@ -75,7 +76,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
         with batch_progress.shown(progress) as show, workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
             results = carry_out(plans, book, crew, show)
     except Stopped as error:
-        _say(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
+        last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except OSError as error:
         _say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
@@ -120,7 +121,13 @@ def _made(folder: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
-def _print_plan(batch: "Batch", ours: Callable[[str], bool], *, json: bool) -> int:
+def _ours(batch: "Batch", book: "Ledger") -> "Callable[[Request], bool]":
+    from rsvideo.batch import recognition
+
+    return lambda request: recognition.may_replace(request, batch.job, book)
+
+
+def _print_plan(batch: "Batch", ours: "Callable[[Request], bool]", *, json: bool) -> int:
     from rsvideo.batch import plan
     from rsvideo.cli import quiet
     from rsvideo.cli.batch_progress import clock

@@ -109,7 +109,8 @@ def simulate(
     files = [output, truth, output.with_name("motion.csv"), output.with_name("case.json")]
     try:
         kinds = still.Format.of_output(output), still.Format.of_output(truth)
-        _check_names(files, source, overwrite=overwrite)
+        read = [source, *(Path(each) for each in (gyro, polynomial, camera) if each is not None and Path(each).is_file())]
+        _check_names(files, read, overwrite=overwrite)
         if not 0 < gain <= MOST_GAIN:
             raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
         optics = _optics(camera, focal_px, readout, row_time, direction, noise)
@@ -238,7 +239,9 @@ def _write(
     print(f"rsvideo: rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {files[0]}", file=sys.stderr)
 
 
-def _check_names(files: list[Path], source: Path, *, overwrite: bool) -> None:
+def _check_names(files: list[Path], read: list[Path], *, overwrite: bool) -> None:
+    from rsvideo.config.placing import check
+
     if len({file.absolute() for file in files}) < len(files):
         raise ValueError(f"OUT, the truth, motion.csv and case.json need four names, got {', '.join(map(str, files))}")
     for file in files:
@@ -246,10 +249,7 @@ def _check_names(files: list[Path], source: Path, *, overwrite: bool) -> None:
             raise ValueError(f"the folder {file.parent} must exist; make it first, or is its name mistyped?")
         if file.is_dir():
             raise ValueError(f"{file} must be the name of a file, it is a folder")
-        if file.exists() and source.exists() and file.samefile(source):
-            raise ValueError(f"{file} must not be SHARP itself, which would be lost")
-        if file.exists() and not overwrite:
-            raise FileExistsError(f"{file} exists already; give --overwrite to replace it")
+    check(files, read, overwrite=overwrite)
 
 
 def _motion(

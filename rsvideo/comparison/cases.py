@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from rsvideo.comparison.decoded import pictures
-from rsvideo.comparison.method_run import RUNNING, MethodRun, Order, all_of
+from rsvideo.comparison.method_run import RUNNING, MethodRun, Order, all_of, check
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.method import Method
 from rsvideo.config.request import Request
@@ -82,16 +82,18 @@ def scored(
     *,
     most: int,
     resume: bool,
+    overwrite: bool,
     quiet: bool,
     observe: Observer,
 ) -> Table:
-    """Carry every method out on every case into results/METHOD/NAME, and measure."""
+    """Carry every method out on every case into results/METHOD/NAME, and measure; `overwrite` what no comparison made there."""
     orders = {
         (case.name, method): Order(request=_request(case, method, results / method / f"{case.name}{case.source.suffix}"))
         for case in cases
         for method in methods
         if case.clip or not method.needs_clip
     }
+    check(orders.values(), overwrite=overwrite)
     done = all_of(list(orders.values()), most=most, resume=resume, quiet=quiet, observe=within(observe, 0.0, RUNNING))
     made = dict(zip(orders, done, strict=True))
     rows = []

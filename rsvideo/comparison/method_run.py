@@ -4,12 +4,13 @@ import contextlib
 import json
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from rsvideo.config import placing
 from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.config.request import Request
 from rsvideo.pipeline import deblur, fingerprint, processes
@@ -77,7 +78,7 @@ def runs_of(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, obser
             while waiting and len(running) < most:
                 order = waiting.pop(0)
                 order.request.output.parent.mkdir(parents=True, exist_ok=True)
-                order.note.unlink(missing_ok=True)
+                write_whole({order.note: b"{}"})  # what appears beside it from now on is ours
                 connection, child = processes.started(_serve, order, threads=threads, quiet=quiet)
                 running[connection] = order, child
             for connection in wait(list(running)):
@@ -102,6 +103,12 @@ def runs_of(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, obser
         for connection, (_, child) in running.items():
             child.kill()
             _ended(connection, child)
+
+
+def check(orders: Iterable[Order], *, overwrite: bool) -> None:
+    """Refuse names of results: of inputs with ValueError, of what no comparison made with FileExistsError."""
+    for order in orders:
+        placing.check(order.request.files, order.request.inputs, overwrite=overwrite or order.note.is_file())
 
 
 def all_of(orders: Sequence[Order], *, most: int = 1, resume: bool = True, quiet: bool = True, observe: Observer) -> list[MethodRun]:

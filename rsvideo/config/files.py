@@ -1,10 +1,13 @@
 """How files are read, bounded, and how they appear under their names: whole or not at all."""
 
 import contextlib
+import errno
 import hashlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+
+from rsvideo.config.placing import Made, aside, place
 
 _BLOCK = 1 << 20  # bytes that are hashed at a time: memory does not grow with the file
 
@@ -37,26 +40,45 @@ def sha256(*paths: Path) -> str:
     return digest.hexdigest()
 
 
-def part_of(path: Path) -> Path:
-    """Where a file is written before it appears under its name: beside it, so that moving it there is one step."""
-    return path.with_name(path.name + ".part")
+def digest(path: Path) -> str:
+    """SHA-256 of a file, or of a folder's files with their names; raises OSError for what is neither, or cannot be read."""
+    if path.is_dir():
+        held = [f"{sha256(file)} {file.name}\n" for file in sorted(path.iterdir()) if file.is_file()]
+        return hashlib.sha256("".join(held).encode("utf-8", "surrogateescape")).hexdigest()
+    if not path.is_file():
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), str(path))
+    return sha256(path)
 
 
 def write_whole(contents: Mapping[Path, bytes | Iterable[bytes]]) -> None:
     """Write several files, given whole or piece by piece, so that each appears complete, and none at all if one cannot be written."""
-    parts = {path: part_of(path) for path in contents}
-    at = None
+    with contextlib.ExitStack() as stack:
+        folders: dict[Path, Path] = {}
+        made = []
+        for path, data in contents.items():
+            with naming(path):
+                if path.parent not in folders:
+                    folders[path.parent] = stack.enter_context(aside(path.parent))
+            made.append(made_within(folders[path.parent], path, data))
+        place(made)
+
+
+def made_within(folder: Path, path: Path, data: bytes | Iterable[bytes]) -> Made:
+    """A file, given whole or piece by piece, in a folder of our own; it is to have the name `path`."""
+    at, digest = folder / path.name, hashlib.sha256()
+    with naming(path), at.open("xb") as file:
+        for piece in [data] if isinstance(data, bytes) else data:
+            digest.update(piece)
+            file.write(piece)
+        file.flush()
+        os.fsync(file.fileno())
+    return Made(at=at, path=path, sha256=digest.hexdigest())
+
+
+@contextlib.contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the system get the name of a file: a failed write does not say of which, and one that is made aside has another."""
     try:
-        for at, data in contents.items():
-            with parts[at].open("wb") as file:
-                file.writelines([data] if isinstance(data, bytes) else data)
-                file.flush()
-                os.fsync(file.fileno())
-        for path, part in parts.items():
-            part.replace(path)
+        yield
     except OSError as error:
-        raise OSError(error.errno, error.strerror, str(at)) from error  # a failed write does not say of which file
-    finally:
-        for part in parts.values():
-            with contextlib.suppress(OSError):
-                part.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from error

@@ -270,6 +270,15 @@ class Request(Sections):
         """All that is written."""
         return (self.output, self.record, self.log) if self.is_clip else (self.output, self.record)
 
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """All that is read: the source, pictures that it may stand for, and the files that options name."""
+        named = [Path(value) for each in option_fields() if each.option.is_file and (value := self.value(each)) is not None]
+        pictures = []
+        if media.is_pattern(self.source) and not self.source.exists() and self.source.parent.is_dir():
+            pictures = [each for each in self.source.parent.iterdir() if each.suffix.lower() == self.source.suffix.lower()]
+        return (self.source, *pictures, *(each for each in named if each.is_file()))
+
     def replaced(self, **changes: Any) -> "Request":
         """The same with changes: `replaced(output=path, deblur={"method": Method.NONE})`."""
         whole = {

@@ -5,6 +5,7 @@ It is written, and where one line holds one frame also read, frame by frame: mem
 
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
@@ -30,6 +31,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 
 MOST_BYTES = 100_000_000
 _LONGEST_LINE = 16_000_000
+_FRAMES, _END = b',"frames":[\n', b"]}\n"  # of the first line; the last line
 _INDEX = re.compile(rb'\{"index":(\d{1,12}),')
 _STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
 _FEWEST = 64  # samples
@@ -180,17 +182,39 @@ class Settings(_Record):
     encoding: dict[str, JsonValue] = {}  # of a clip
 
 
+class Mark(_Record):
+    """By which a job knows its results again; paths are relative to the sidecar's folder."""
+
+    job: str
+    input: str
+    settings: str  # fingerprints
+    source: str
+
+
+class Written(_Record):
+    """What was written with the sidecar, and what became of it."""
+
+    sha256: dict[str, str]  # of files by their names; of a folder, over its files' names and hashes
+    restored: Annotated[int, Field(ge=0)]
+    left: Annotated[int, Field(ge=0)]
+    failed: Annotated[int, Field(ge=0)]
+    seconds: Annotated[float, Field(ge=0)]
+    notes: tuple[str, ...]
+    mark: Mark | None = None  # None: by no job
+
+
 class Sidecar(_Record):
     """The whole file."""
 
     version: Literal[1] = 1
     input: str
     settings: Settings
+    written: Written | None = None  # None: by a program that did not state it
     frames: Annotated[list[FrameRecord], Field(min_length=1)]
 
     def encode(self) -> bytes:
         """The JSON file."""
-        return b"".join(encoded(self.input, self.settings, self.frames))
+        return b"".join(encoded(self.input, self.settings, self.frames, self.written))
 
     def timing(self, frame: FrameRecord) -> ShutterTiming:
         """The shutter of one frame."""
@@ -199,12 +223,27 @@ class Sidecar(_Record):
         return ShutterTiming(exposure=frame.timing.exposure_s, row_time=frame.timing.row_time_s, rows=scanlines, direction=direction)
 
 
-def encoded(source: str, settings: Settings, frames: Iterable[FrameRecord]) -> Iterator[bytes]:
+def encoded(source: str, settings: Settings, frames: Iterable[FrameRecord], written: Written | None = None) -> Iterator[bytes]:
     """The JSON file piece by piece: a line for what concerns all frames, and one for each frame."""
-    yield f'{{"version":1,"input":{json.dumps(source)},"settings":{settings.model_dump_json()},"frames":['.encode()
+    files = "" if written is None else f',"written":{written.model_dump_json(exclude_none=True)}'
+    yield f'{{"version":1,"input":{json.dumps(source)},"settings":{settings.model_dump_json()}{files},"frames":['.encode()
     for number, frame in enumerate(frames):
         yield (b",\n" if number else b"\n") + frame.encode()
-    yield b"\n]}\n"
+    yield b"\n" + _END
+
+
+def written(path: Path) -> Written | None:
+    """What a sidecar states of the files beside it; None where it does not, or is not whole."""
+    try:
+        if not path.is_file():
+            return None
+        with path.open("rb") as file:
+            line = file.readline(_LONGEST_LINE)
+            file.seek(-len(_END), os.SEEK_END)
+            whole = line.endswith(_FRAMES) and file.read() == _END
+        return Written.model_validate(json.loads(line.removesuffix(_FRAMES) + b"}").get("written")) if whole else None
+    except (OSError, ValueError, RecursionError):
+        return None
 
 
 def read(path: Path) -> Sidecar:
@@ -216,7 +255,7 @@ def frames(path: Path, wanted: Collection[int]) -> dict[int, FrameRecord]:
     """The frames of these indices, as far as the file holds them; others are not kept."""
     lines = _lines(path)
     found: dict[int, FrameRecord] = {}
-    while (line := next(lines, None)) != b"]}\n":
+    while (line := next(lines, None)) != _END:
         begins = None if line is None else _INDEX.match(line)
         if line is None or begins is None:  # it was written by others
             return {frame.index: frame for frame in read(path).frames if frame.index in wanted}
@@ -229,7 +268,7 @@ def _lines(path: Path) -> Iterator[bytes]:
     """The lines that `encoded` writes below the first; fewer where the file was not written by it."""
     try:
         with path.open("rb") as file:
-            if file.readline(_LONGEST_LINE).endswith(b'"frames":[\n'):
+            if file.readline(_LONGEST_LINE).endswith(_FRAMES):
                 while (line := file.readline(_LONGEST_LINE)).endswith(b"\n"):
                     yield line
     except OSError as error:

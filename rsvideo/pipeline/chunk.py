@@ -59,7 +59,9 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
     if task.request.deblur.method.steadied:
         pictures = _steadied(task, pictures, folder)
     moving = movement(task.treatment, pictures, task.stream.colour, task.request.motion.trajectory, observe)
-    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
+    decoded = {picture.index for picture in pictures}
+    left_out = tuple(index for index in range(chunk.first, chunk.last + 1) if index not in decoded)
+    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={}, left_out=left_out)
     lines: list[bytes] = []
 
     def shown() -> Iterator[Picture]:

@@ -152,11 +152,10 @@ def _check(request: Request) -> None:
         if wrong := next(iter(request.of_clips()), None):
             raise ValueError(f"{wrong.flag} concerns clips, {taken}; clips are .mp4, .mov, .mkv or folders")
         Format.of_output(request.output)
-        if request.output.is_dir():
-            raise ValueError(f"OUTPUT must be a file, {request.output} is a folder")
+        output.check_kind(request.output, folder=False)
         if method.needs_clip:
             raise ValueError(f"method {method} concerns clips, it sees the motion between frames; {taken}")
-    output.check(request.source, request.files, overwrite=request.overwrite)
+    output.check(request)
     if request.motion.states_gyro and not method.follows_gyro:
         raise ValueError(f"a gyroscope's log is read by the methods {Method.GYRO} and {Method.GYRO_REFINE}, not by {method}")
     if method.steadied:
@@ -179,12 +178,16 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     if isinstance(opened.source, Still):
         return 0, 1, None, ()
     from rsvideo.pipeline import clip_facts
-    from rsvideo.video.output_format import Encoding, chosen
+    from rsvideo.video import sequence
+    from rsvideo.video.output_format import SEQUENCES, Encoding, chosen
 
     first, last = clip_facts.frame_range(opened.source, request.input.range)
     wanted = request.encoding
     encoding = Encoding(codec=wanted.codec, quality=wanted.quality, pixel_format=wanted.pixel_format)
-    _, _, notes = chosen(request.output, opened.source, encoding)
+    codec, _, notes = chosen(request.output, opened.source, encoding)
+    output.check_kind(request.output, folder=codec in SEQUENCES)
+    if codec in SEQUENCES:
+        sequence.older(request.output, opened.source)  # refuses what must stay
     return first, last, encoding, notes
 
 

@@ -23,6 +23,7 @@ from rsvideo.video.stream import Colour, Matrix, Picture, Stream
 
 _KINDS = {".dng": "dng", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".exr": "exr"}
 _SUFFIX = {"png": ".png", "tiff": ".tiff", "exr": ".exr"}
+_SUFFIXES = (".tif", *_SUFFIX.values())  # of files that may have been written here
 _WILD = re.compile(r"#+|%0?\d*d|\*")
 _NUMBER = re.compile(r"([^0-9]*)([0-9]+)(.*)", re.DOTALL)
 _FRAME_RATE = 51044  # CinemaDNG's tag
@@ -84,6 +85,32 @@ def pictures(stream: Stream, first: int, last: int) -> Iterator[Picture]:
                 f"{stream.files[index]} must hold {stream.colour.pixel_format} as the sequence's first picture, it holds {found}"
             )
         yield Picture(planes=planes, index=index, pts=index, duration=1, time=stream.seconds(index))
+
+
+def stem(stream: Stream, index: int, folder: Path) -> str:
+    """The name, but for its suffix, under which a picture of a stream is written into a folder."""
+    return stream.files[index].stem if stream.files else f"{folder.name}_{index:06d}"
+
+
+def older(folder: Path, stream: Stream) -> tuple[Path, ...]:
+    """The pictures in a folder, if there is one, that a stream's stand for once they are written there.
+
+    Pictures of another take are never replaced, nor are the new ones laid among them: ValueError.
+    """
+    if not folder.is_dir():
+        return ()
+    take = {_around(stem(stream, index, folder)) for index in range(stream.frames)}
+    found = sorted(file for file in folder.iterdir() if file.suffix.lower() in _KINDS)
+    for file in found:
+        if not file.is_file() or file.suffix.lower() not in _SUFFIXES or _around(file.stem) not in take:
+            raise ValueError(f"{folder} must hold no pictures but those that are replaced, it holds {file.name}; choose another OUTPUT")
+    return tuple(found)
+
+
+def _around(stem: str) -> tuple[str, str]:
+    """What stands before and behind the number of a picture's name: the same of all pictures of a take."""
+    match = _NUMBER.fullmatch(stem[::-1])  # reversed, the last number comes first
+    return (match[3][::-1], match[1][::-1]) if match else (stem, "")
 
 
 def layout(codec: str, colour: Colour) -> Colour:

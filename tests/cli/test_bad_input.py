@@ -199,7 +199,7 @@ def test_a_file_system_that_is_full_leaves_nothing_behind(rsvideo_at_once: Run, 
         subprocess.run(["umount", small], check=True)
 
 
-@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_an_interrupt_during_work_leaves_nothing_behind(photograph: Path, sent: signal.Signals, code: int) -> None:
     words = [sys.executable, STAND_IN, "deblur", photograph, "-o", photograph.with_name("out.png"), *GOOD]
     environment = os.environ | {"DAWDLE": "60"}

@@ -80,6 +80,7 @@ def test_a_photograph_is_restored_as_deblur_does(job: Path) -> None:
     assert call("deblur", job.parent / "photos" / "sharp.png", "-o", job.parent / "alone.png", *words).returncode == 0
     assert (job.parent / "alone.png").read_bytes() == (job.parent / "restored" / "sharp_rsvideo.png").read_bytes()
     one, other = (json.loads((job.parent / name).read_text()) for name in ("alone.rsvideo.json", "restored/sharp_rsvideo.rsvideo.json"))
+    assert (one.pop("written")["sha256"]["alone.png"],) == tuple(other.pop("written")["sha256"].values())
     assert one == other
 
 

@@ -104,6 +104,26 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:
     assert peak(200) < 2 * peak(20)
 
 
+def test_what_was_written_with_it_is_read_from_its_head_if_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "out.rsvideo.json"
+    mark = sidecar.Mark(job="../job.yaml", input="../in.png", settings="a", source="b")
+    stated = sidecar.Written(sha256={"out.png": "c"}, restored=1, left=0, failed=0, seconds=1.5, notes=("cropped",), mark=mark)
+    whole = example().model_copy(update={"written": stated}).encode()
+    path.write_bytes(whole)
+    assert sidecar.written(path) == sidecar.read(path).written == stated
+    for damaged in (
+        whole[:-1],
+        whole[:200],
+        b"",
+        b"{",
+        whole.replace(b'"seconds":1.5,"notes"', b'"seconds":-1,"notes"'),
+        example().encode(),
+    ):
+        path.write_bytes(damaged)
+        assert sidecar.written(path) is None
+    assert sidecar.written(tmp_path / "absent") is None
+
+
 def test_its_keys_are_those_that_are_promised() -> None:
     record = json.loads(example().encode())
     assert list(record) == ["version", "input", "settings", "frames"]

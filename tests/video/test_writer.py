@@ -20,7 +20,7 @@ def rewrite(stream: Stream, path: Path, encoding: Encoding | None = None, *, fir
     with Writer(path, stream, encoding, first=first, last=last) as writer:
         for picture in pictures(stream, first, last):
             writer.write(picture)
-    assert [file.name for file in path.parent.glob("*.part")] == []
+    assert [file.name for file in path.parent.glob(".rsvideo-*")] == []
     return writer
 
 
@@ -264,7 +264,7 @@ def test_an_interruption_leaves_nothing_and_what_stood_there(tmp_path: Path) -> 
         with Writer(tmp_path / "out.mkv", stream, Encoding(codec="ffv1")) as writer:
             for picture in pictures(stream, 0, 4):
                 writer.write(picture)
-            assert (tmp_path / "out.mkv.part").exists()
+            assert len(list(tmp_path.glob(".rsvideo-*/out.mkv"))) == 1
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
