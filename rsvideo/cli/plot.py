@@ -26,5 +26,5 @@ def plot(
         raise RefusedError(f"the folder {output.parent} of FIG must exist; make it first, or is its name mistyped?")
     if output.exists() and not overwrite:
         raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
-    write_whole({output: plots.motion(sidecar.read(source), kind)})
+    write_whole({output: plots.motion(sidecar.read(source, most_frames=1), kind)})
     print(f"rsvideo: drawn: {output}", file=sys.stderr)

@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreadableError, opened
 
 _MOST_HEADER = 500_000_000  # bytes of MP4's index
 _EBML = b"\x1aE\xdf\xa3"
@@ -41,23 +41,18 @@ class Header:
 
 def family(path: Path, *, strict: bool) -> str:
     """The kind of container, from its first bytes; FFmpeg's own guess would open playlists and text too."""
-    try:
-        if not path.is_file():
-            raise UnreadableError(f"{path} {'is a folder, not a file' if path.is_dir() else 'does not exist or is not a file'}")
-        with path.open("rb") as file:
-            head, size = file.read(16), path.stat().st_size
-            if not size:
-                raise UnreadableError(f"{path} is empty")
-            if head[4:8] in _BOXES:
-                if strict:
-                    _check_boxes(path, file, size)
-                return "mov"
-            if head[:4] == _EBML:
-                if strict:
-                    _check_segment(path, file, size)
-                return "matroska"
-    except OSError as error:
-        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
+    with opened(path) as file:
+        head, size = file.read(16), file.seek(0, 2)
+        if not size:
+            raise UnreadableError(f"{path} is empty")
+        if head[4:8] in _BOXES:
+            if strict:
+                _check_boxes(path, file, size)
+            return "mov"
+        if head[:4] == _EBML:
+            if strict:
+                _check_segment(path, file, size)
+            return "matroska"
     raise UnreadableError(f"{path} must be an MP4, MOV or MKV clip, its first bytes are {head[:8]!r}; is it another kind of file?")
 
 
