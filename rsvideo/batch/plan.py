@@ -1,6 +1,7 @@
 """From a job's file to one request per photograph and clip, and what each comes to."""
 
 import glob
+import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -9,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
-from rsvideo.config import yaml
+from rsvideo.config import patterns, yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_clip
 from rsvideo.config.request import Request, Sections
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline import deblur, fingerprint
+from rsvideo.pipeline import deblur, demand, fingerprint
 from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import prepare
 
@@ -120,6 +121,7 @@ def _settled(item: Item, *, ours: bool) -> "Planned | Unreadable":
     request = item.request.replaced(overwrite=item.request.overwrite or ours)
     try:
         task = prepare(request)
+        demand.check(task)
         settings, source = _fingerprints(request, task.timing)
         seconds, size = task.estimate()
     except FileExistsError as error:
@@ -184,18 +186,21 @@ def _sources(clip: Clip, number: int, positions: Positions) -> Iterator[tuple[tu
         path = folder / pattern
         if not pattern.strip() or "\0" in pattern:
             raise ConfigError(positions.fault(place, f"must name a clip or a photograph, got {shown(pattern)}"))
-        if path.exists():
+        if os.path.exists(path):  # noqa: PTH110 # Path.exists raises on a name that is too long
             yield place, path, True
         elif not glob.has_magic(pattern):
             raise UnreadableError(positions.fault(place, f"{path} does not exist; names are relative to the folder of the job's file"))
         else:
-            found = sorted(islice(glob.iglob(pattern, root_dir=folder, recursive=True), MOST_SOURCES + 1))  # noqa: PTH207 # Path.glob refuses "/..."
+            try:
+                found = sorted(set(islice(patterns.matching(pattern, folder), MOST_SOURCES + 1)))
+            except ValueError as error:
+                raise ConfigError(positions.fault(place, str(error))) from error
             if not found:
                 raise ConfigError(positions.fault(place, f"nothing in {folder.absolute()} matches {shown(pattern)}"))
             if len(found) > MOST_SOURCES:
                 raise ConfigError(positions.fault(place, f"{shown(pattern)} must match at most {MOST_SOURCES} files"))
-            for name in found:
-                yield place, folder / name, False
+            for each in found:
+                yield place, each, False
 
 
 def _without_results(items: Iterator[tuple[Item, bool]]) -> list[Item]:

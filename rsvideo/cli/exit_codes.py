@@ -3,10 +3,10 @@
 import contextlib
 import enum
 import signal
-import sys
 from collections.abc import Iterable, Iterator
 from types import FrameType
 
+from rsvideo.cli.terminal import say
 from rsvideo.config.files import UnreadableError
 
 
@@ -54,14 +54,14 @@ def refusing() -> Iterator[None]:
     except ValueError as error:
         *others, last = getattr(error, "faults", (str(error),))  # a file of settings may have several
         for fault in others:
-            print(f"rsvideo: {fault}", file=sys.stderr)
+            say(fault)
         raise RefusedError(last) from error
 
 
 def note(notes: Iterable[str]) -> None:
     """What the user should know beside the result, a line each."""
     for each in notes:
-        print(f"rsvideo: note: {each}", file=sys.stderr)
+        say(f"note: {each}")
 
 
 def told(error: BaseException) -> tuple[int, str]:

@@ -1,11 +1,12 @@
 """rsvideo plot: the motion in a sidecar, drawn."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Option
+
+from rsvideo.cli.terminal import say
 
 
 def plot(
@@ -27,4 +28,4 @@ def plot(
     if output.exists() and not overwrite:
         raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
     write_whole({output: plots.motion(sidecar.read(source, most_frames=1), kind)})
-    print(f"rsvideo: drawn: {output}", file=sys.stderr)
+    say(f"drawn: {output}")

@@ -13,7 +13,9 @@ import typer
 from typer import Option
 
 from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets, counted, some
+from rsvideo.config.printable import printable
 
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
@@ -55,7 +57,7 @@ def run(
                 note(notes)
                 return _carry_out(batch, book, jobs=jobs, progress=progress, json=json)
     except ledger.BusyError as error:
-        _say(str(error))
+        say(str(error))
         return 1
 
 
@@ -74,19 +76,19 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
         with batch_progress.shown(progress) as show, workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
             results = carry_out(plans, book, crew, show)
     except Stopped as error:
-        _say(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
+        say(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except OSError as error:
-        _say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
+        say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
         return Code.FAILED
     code = _code(results, batch.report.most_failed_frames)
     if json or progress == "jsonl":
         _print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
     _print_table(results)
     if code == Code.WORSE:
-        _say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
+        say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
     if faults := sum(result.fault is not None for result in results):
-        _say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
+        say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
     else:
         book.remove()
     return code
@@ -169,7 +171,7 @@ def _print_table(results: "Sequence[Result]") -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     for clip, *counts, output in rows:
         cells = [clip.ljust(widths[0]), *(count.rjust(width) for count, width in zip(counts, widths[1:], strict=True)), output]
-        print("  ".join(cells), file=sys.stderr)
+        print(printable("  ".join(cells)), file=sys.stderr)
     for result in results:
         note(f"{result.source}: {words}" for words in result.notes)
 
@@ -180,10 +182,6 @@ def _kept(book: "Ledger") -> str:
     except OSError:
         return "what was done before is kept, the same command goes on from there"
     return f"{some(clips, 'clip')} and {some(chunks, 'chunk')} of others are kept, the same command goes on from there"
-
-
-def _say(words: str) -> None:
-    print(f"rsvideo: {words}", file=sys.stderr)
 
 
 def _print_json(values: object) -> None:

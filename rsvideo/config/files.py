@@ -58,7 +58,7 @@ def opened(path: Path) -> Iterator[BinaryIO]:
 def read_whole(path: Path, *, most: int) -> bytes:
     """All bytes of a file of at most `most` bytes."""
     with opened(path) as file:
-        data = file.read(most + 1) if (size := os.fstat(file.fileno()).st_size) <= most else b""
+        data = file.read(size + 1) if (size := os.fstat(file.fileno()).st_size) <= most else b""
         if (size := max(size, len(data))) > most:
             raise UnreadableError(f"{path} must hold at most {most / 1e6:g} MB, it holds {size / 1e6:.0f} MB; is it the right file?")
     if not data:

@@ -13,6 +13,11 @@ def printable(text: str, *, keep: str = "") -> str:
     return "".join(letter if letter in keep or _shown(letter) else _escape(letter) for letter in text)
 
 
+def in_unicode(name: str) -> str:
+    """The name of a file, whose bytes may be no text, with those bytes written out."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace") if not name.isascii() else name
+
+
 def _shown(letter: str) -> bool:
     return letter.isprintable() or unicodedata.category(letter) == "Zs"  # blanks of any width are harmless
 

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     JsonValue,
@@ -23,6 +24,7 @@ from pydantic import (
 )
 
 from rsvideo.config.files import UnreadableError, opened, read_whole
+from rsvideo.config.printable import in_unicode
 from rsvideo.physics import distortion
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.noise import Noise
@@ -35,7 +37,7 @@ _INDEX = re.compile(rb'\{"index":(\d{1,12}),')
 _LAST = b"]}\n"
 _STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
 _FEWEST = 64  # samples
-_LEAST_STEP = 1e-9  # seconds; over less, no curve through the samples stays finite
+LEAST_STEP = 1e-9  # seconds; over less, no curve through the samples stays finite
 
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
 Seconds = Annotated[float, Field(allow_inf_nan=False, ge=-1000, le=1000)]  # within a frame's interval, which is shorter than 20
@@ -44,7 +46,7 @@ Turn = Annotated[float, Field(allow_inf_nan=False, ge=-100, le=100)]  # rad
 Side = Annotated[int, Field(gt=0, le=100_000)]  # px
 Focal = Annotated[float, Field(allow_inf_nan=False, ge=1, le=1e7)]  # px
 Middle = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]  # px
-Words = Annotated[str, Field(max_length=5000)]
+Words = Annotated[str, BeforeValidator(lambda name: in_unicode(name) if isinstance(name, str) else name), Field(max_length=5000)]
 
 
 class _Record(BaseModel):
@@ -75,8 +77,8 @@ class Sampled(_Record):
         lengths = {name: len(getattr(self, name)) for name in ("t_s", "x_px", "y_px", "roll_rad")}
         if len(set(lengths.values())) > 1:
             raise ValueError(f"t_s, x_px, y_px and roll_rad must be equally long, they hold {', '.join(map(str, lengths.values()))}")
-        if np.any(np.diff(self.t_s) < _LEAST_STEP):
-            raise ValueError(f"t_s must rise from each sample to the next, by {_LEAST_STEP:g} s or more")
+        if np.any(np.diff(self.t_s) < LEAST_STEP):
+            raise ValueError(f"t_s must rise from each sample to the next, by {LEAST_STEP:g} s or more")
         return self
 
     @staticmethod
@@ -238,7 +240,7 @@ class Sidecar(_Head):
 
 def encoded(source: str, settings: Settings, frames: Iterable[FrameRecord]) -> Iterator[bytes]:
     """The JSON file piece by piece: a line for what concerns all frames, and one for each frame."""
-    yield f'{{"version":1,"input":{json.dumps(source)},"settings":{settings.model_dump_json()},"frames":['.encode()
+    yield f'{{"version":1,"input":{json.dumps(in_unicode(source))},"settings":{settings.model_dump_json()},"frames":['.encode()
     for number, frame in enumerate(frames):
         yield (b",\n" if number else b"\n") + frame.encode()
     yield b"\n]}\n"

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config import sidecar
-from rsvideo.config.files import sha256, write_whole
+from rsvideo.config.files import UnreadableError, sha256, write_whole
 from rsvideo.config.method import Method
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Verdict
@@ -32,8 +32,10 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
     stream, camera = task.stream, task.camera.intrinsics
     kept, steps, verdicts, seconds = _gist(frame_records(records, folder))
     pictures = chain.from_iterable(
-        planes.read(folder / record.pictures, stream, (frame.index for frame in frame_records([record], folder))) for record in records
+        planes.read(folder / record.pictures, task.stream, (frame.index for frame in frame_records([record], folder))) for record in records
     )
+    if not kept:
+        raise UnreadableError(f"{task.request.source} holds no picture that could be decoded as it was meant")
     enlargement = 1.0
     if task.request.motion.path == "smooth":
         turns, enlargement = stabilisation.corrections(steps, float(stream.rate), camera)

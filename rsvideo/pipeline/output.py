@@ -1,6 +1,7 @@
 """What photographs and clips share on their way out: where they may be written, and the record of a frame."""
 
 import json
+import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -27,7 +28,7 @@ def check(source: Path, files: Sequence[Path], *, overwrite: bool) -> None:
     folder = output.parent
     if not folder.is_dir():
         raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")
-    if output.resolve() == source.resolve():
+    if os.path.realpath(output) == os.path.realpath(source):  # which bears links in a circle
         raise ValueError(f"OUTPUT must not be INPUT, both are {output}; the original is never replaced")
     try:
         tempfile.TemporaryFile(dir=folder).close()

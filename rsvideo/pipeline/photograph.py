@@ -9,7 +9,7 @@ from rsvideo.config import sidecar
 from rsvideo.config.files import write_whole
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.pipeline import methods, output
+from rsvideo.pipeline import given_blur, methods, output
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome, frame_records
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer
@@ -52,7 +52,10 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
 
 def _restored(task: Task, observe: Observer) -> FrameResult:
     given = task.request.motion.trajectory
-    trajectory = None if given is None else given_motion.read(given, task.timing, task.camera.intrinsics)
+    trajectory = None
+    if given is not None:
+        trajectory = given_motion.read(given, task.timing, task.camera.intrinsics)
+        given_blur.check(given, trajectory, task.treatment.camera)
     frame = Frame(pixels=task.still.pixels, clipped=task.still.clipped)
     return methods.photograph(task.treatment, frame, trajectory, observe)
 

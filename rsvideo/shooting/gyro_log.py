@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.config.files import UnreadableError, lines
 from rsvideo.physics.gyro import MOST_SAMPLES, GyroLog, parse
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.shooting import gcsv, given_motion
@@ -19,14 +19,13 @@ class Recorded:
 
 def read(path: Path, timing: ShutterTiming) -> Recorded:
     """The log in a file, for a clip of that timing."""
-    beginning = read_whole(path, most=gcsv.MOST_BYTES)[:4096].decode("utf-8-sig", "replace").lstrip()
-    first = beginning.splitlines()[0] if beginning else ""
+    first = next((line for line in lines(path, most=gcsv.MOST_BYTES) if line.strip()), "")
     if first.strip() in gcsv.FIRST_LINES:
         return Recorded(log=gcsv.read(path).log, offset=-timing.middle)  # where Gyroflow lets a log begin
     try:
         if first.split(",")[0].strip() == given_motion.COLUMNS[0]:
             return _angles(path)
-        return Recorded(log=parse(read_whole(path, most=gcsv.MOST_BYTES).decode("utf-8-sig", "replace")), offset=None)
+        return Recorded(log=parse(lines(path, most=gcsv.MOST_BYTES)), offset=None)
     except UnreadableError:
         raise
     except ValueError as error:

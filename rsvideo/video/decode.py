@@ -16,9 +16,9 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError, reading
-from rsvideo.stills.codes import MOST_PIXELS
 from rsvideo.stills.ffmpeg import arrays, watched
 from rsvideo.video import container, probing, sample_tables, sequence, tags
+from rsvideo.video.probing import MOST_PIXELS
 from rsvideo.video.stream import Picture, Stream
 
 OnDamage = Literal["fail", "passthrough", "skip"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsvideo.config.files import UnreadableError, part_of, sha256
+from rsvideo.config.files import UnreadableError, opened, part_of, sha256
 from rsvideo.video.stream import Picture, Stream
 
 _LEVEL = 1  # of deflate: noise hardly shrinks more
@@ -42,7 +42,7 @@ def write(path: Path, pictures: Iterable[Picture]) -> str:
 def read(path: Path, stream: Stream, indices: Iterable[int]) -> Iterator[Picture]:
     """The pictures of these indices."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with opened(path) as file, zipfile.ZipFile(file) as archive:
             for index in indices:
                 planes: list[np.ndarray] = []
                 while f"{index}.{len(planes)}" in archive.NameToInfo:

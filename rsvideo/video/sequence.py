@@ -14,6 +14,7 @@ import numpy as np
 import rawpy
 import tifffile
 
+from rsvideo.config import media
 from rsvideo.config.files import UnreadableError, read_whole, reading
 from rsvideo.config.quantity import FASTEST_RATE
 from rsvideo.physics.tone import Transfer
@@ -34,7 +35,7 @@ _SRGB = (1, 13, 0, 2)
 
 def is_sequence(path: Path) -> bool:
     """Whether a path names a sequence rather than one file: a folder, or a pattern such as `shot_####.dng`."""
-    return path.is_dir() or (path.suffix.lower() in _KINDS and _WILD.search(path.name) is not None and not path.is_file())
+    return media.is_folder(path) or (path.suffix.lower() in _KINDS and _WILD.search(path.name) is not None and not path.is_file())
 
 
 def probe(path: Path, rate: Fraction | None) -> Stream:
