@@ -75,7 +75,7 @@ def angles(path: Path) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"
     try:
         header = [name.strip() for name in next(rows)]
         if missing := [name for name in COLUMNS if name not in header]:
-            raise UnreadableError(f"{path}:1: must name the columns {','.join(COLUMNS)}, it lacks {', '.join(missing)}")
+            raise UnreadableError(f"{path}:1: must be text and must name the columns {','.join(COLUMNS)}, it lacks {', '.join(missing)}")
         columns = [header.index(name) for name in COLUMNS]
         for row in rows:
             if row:

@@ -32,7 +32,9 @@ class Codes:
 def check_pixels(rows: int, cols: int, *, most: int = MOST_PIXELS) -> None:
     """Refuse a size that a header states before anything of that size is made."""
     if min(rows, cols) < 1 or rows * cols > most:
-        raise ValueError(f"must hold 1 to {most} pixels, its header says {cols} x {rows}; is the header damaged?")
+        raise ValueError(
+            f"must hold at least a pixel and at most {most / 1e6:g} Mpx, its header says {cols} x {rows}; is the header damaged?"
+        )
     there = memory.available()
     if there is not None and (needed := _BYTES_A_PIXEL * rows * cols) > there:
         raise ValueError(
