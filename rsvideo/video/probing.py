@@ -80,9 +80,8 @@ def _rate(path: Path, video: VideoStream, times: np.ndarray, end: int) -> Fracti
     """Pictures a second, as stated or on average; UnreadableError where no clip can have it, or such times."""
     begin, base = int(times[0]), video.time_base or Fraction(0)
     if max(abs(begin), abs(end)) * base > _LONGEST_S:
-        raise UnreadableError(
-            f"{path} must be shown within {_LONGEST_S} s, it says {float(begin * base):.4g} to {float(end * base):.4g} s; is its header damaged?"
-        )
+        shown = f"from {float(begin * base):.4g} to {float(end * base):.4g} s"
+        raise UnreadableError(f"{path} must be shown within {_LONGEST_S} s of its time 0, it says {shown}; is its header damaged?")
     rate = (
         video.average_rate or video.guessed_rate or (Fraction(len(times)) / ((end - begin) * base) if end > begin and base else Fraction(0))
     )
