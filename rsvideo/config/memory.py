@@ -46,7 +46,7 @@ def _of_groups() -> Iterator[int]:
             limit, used = ("memory.max", "memory.current") if not kinds else ("memory.limit_in_bytes", "memory.usage_in_bytes")
             inner = top / name.strip("/")
             for folder in [inner, *(each for each in inner.parents if each.is_relative_to(top))]:
-                with contextlib.suppress(OSError, ValueError):  # no such group is seen from here, or it is "max"
+                with contextlib.suppress(OSError, ValueError):  # no such group is visible here, or it is "max"
                     yield int((folder / limit).read_text()) - int((folder / used).read_text()) + _droppable(folder / "memory.stat")
 
 

@@ -62,7 +62,7 @@ def _in_chunks(tables: dict[bytes, bytes]) -> int:
 
 def _boxes(file: BinaryIO, size: int) -> Iterator[tuple[bytes, int, int]]:
     """Kind, first byte and length of the body of every box, each before those within it."""
-    open_boxes, at, seen = [size], 0, 0
+    open_boxes, at, passed = [size], 0, 0
     while open_boxes:
         if at + 8 > open_boxes[-1]:
             at = max(at, open_boxes.pop())
@@ -72,8 +72,8 @@ def _boxes(file: BinaryIO, size: int) -> Iterator[tuple[bytes, int, int]]:
         if extent < head:
             at = open_boxes.pop()
             continue
-        seen += 1
-        if seen > _MOST_BOXES:
+        passed += 1
+        if passed > _MOST_BOXES:
             raise ValueError(f"is damaged: it must hold at most {_MOST_BOXES} boxes")
         end = min(at + extent, open_boxes[-1])
         yield kind, at + head, end - at - head
