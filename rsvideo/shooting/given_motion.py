@@ -18,6 +18,7 @@ from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit
 
 COLUMNS = ("t_s", "pitch_rad", "yaw_rad", "roll_rad")
 _LARGEST = 1e7  # s and rad; no camera turns or waits so far
+_AROUND = 64  # samples; the influence of each falls by a factor of 4 from one to the next
 _TOLERANCE = 0.01  # px, anywhere in the frame
 _TERMS = (8, 16, 32, 64, 128, 256, 512)
 _SLACK = 0.02  # of the interval, that a record may start late or end early, but by no more than one of its own steps
@@ -45,11 +46,22 @@ def of_clip(
     else:
         t, turned = angles(path)
         poses = turned[:, [1, 0, 2]] * np.array([intrinsics.fx, -intrinsics.fy, 1.0])
-        within = [(t - begins, poses) for _, begins in frames]
+        t, poses = _near(t, poses, frames[0][1], frames[-1][1] + timing.interval[1])
+        parts = [(begins, *_near(t, poses, begins, begins + timing.interval[1])) for _, begins in frames]
+        within = [(near - begins, path_px) for begins, near, path_px in parts]
         if len(frames) > 1:
             at = CubicSpline(t, poses)(np.array([begins + timing.middle for _, begins in frames]))
             steps[:-1] = np.diff(at, axis=0).tolist()
     return [_within(path, t, poses, timing, intrinsics) for t, poses in within], steps
+
+
+def _near(
+    t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n 3"], start: float, end: float
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m 3"]]:
+    """The samples from `start` to `end`, with so many on either side that those beyond do not shape the curve between."""
+    first, last = np.searchsorted(t, (start, end))
+    near = slice(max(first - _AROUND, 0), last + _AROUND)
+    return t[near], poses[near]
 
 
 def _within(

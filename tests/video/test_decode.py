@@ -340,16 +340,3 @@ def test_a_name_is_a_file_and_never_an_address(tmp_path: Path, monkeypatch: pyte
         Path(name).write_bytes(clip.read_bytes())
         stream = probe(Path(name))
         assert len(list(pictures(stream))) == stream.frames == 8
-
-
-def test_another_file_that_a_clip_refers_to_is_not_opened(tmp_path: Path) -> None:
-    """The data reference says `other.mov` instead of `in this file`: its pictures are not there."""
-    make(tmp_path / "other.mov")
-    data = bytearray(make(tmp_path / "in.mov").read_bytes())
-    at = data.index(b"dref") + 4 + 8
-    assert data[at + 4 : at + 8] in (b"url ", b"alis")
-    data[at + 8 : at + 12] = bytes(4)  # without the flag of being self-contained
-    (tmp_path / "in.mov").write_bytes(data)
-    (tmp_path / "other.mov").unlink()
-    stream = probe(tmp_path / "in.mov")
-    assert len(list(pictures(stream))) == 8
