@@ -11,15 +11,7 @@ _BYTES_A_PIXEL = {"photograph": 600, "given": 300, "clip": 900, "none": 40}  # a
 
 def check(task: Task) -> None:
     """Refuse a task for which there is no memory; UnreadableError."""
-    kind = (
-        "none"
-        if task.request.deblur.method is Method.NONE
-        else "clip"
-        if task.request.is_clip
-        else "given"
-        if task.request.motion.trajectory
-        else "photograph"
-    )
+    kind = _kind(task.request)
     at_a_time = longest(task.picture_bytes) + WARM_UP + AHEAD if task.request.is_clip else 1
     needed = _BYTES_A_PIXEL[kind] * task.rows * task.cols + min(at_a_time, task.frames) * task.picture_bytes
     memory.check(task.request.source, f"its pictures are {task.cols} x {task.rows}", needed)

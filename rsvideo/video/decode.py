@@ -65,7 +65,14 @@ def opened(path: Path, family: str) -> InputContainer:
     if family == "mov":
         options["enable_drefs"] = "0"
     limits = [{"max_pixels": str(MOST_PIXELS)}] * _MOST_TRACKS
-    return av.open(f"file:{path}", "r", format=family, metadata_errors="replace", container_options=options, stream_options=limits)
+    return av.open(
+        f"file:{path}",
+        "r",
+        format=family,
+        metadata_errors="replace",
+        container_options=options,
+        stream_options=limits,  # pyright: ignore[reportArgumentType, reportCallIssue] # its stub names the keys' type
+    )
 
 
 def _reason(error: av.error.FFmpegError) -> str:
