@@ -2,6 +2,7 @@
 
 import glob
 import hashlib
+import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -11,14 +12,15 @@ from typing import Any
 
 from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
 from rsvideo.batch.recognition import relative
-from rsvideo.config import yaml
+from rsvideo.config import patterns, yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_clip
+from rsvideo.config.placing import real
 from rsvideo.config.request import Request, Sections
 from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline import deblur, fingerprint
+from rsvideo.pipeline import deblur, demand, fingerprint
 from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import prepare
 
@@ -129,6 +131,7 @@ def _settled(item: Item, job: str, *, ours: bool) -> "Planned | Unreadable":
     request = item.request.replaced(overwrite=item.request.overwrite or ours)
     try:
         task = prepare(request)
+        demand.check(task)
         settings, source = _fingerprints(request, task.timing)
         seconds, size = task.estimate()
     except FileExistsError as error:
@@ -194,31 +197,34 @@ def _sources(clip: Clip, number: int, positions: Positions) -> Iterator[tuple[tu
         path = folder / pattern
         if not pattern.strip() or "\0" in pattern:
             raise ConfigError(positions.fault(place, f"must name a clip or a photograph, got {shown(pattern)}"))
-        if path.exists():
+        if os.path.exists(path):  # noqa: PTH110 # Path.exists raises on a name that is too long
             yield place, path, True
         elif not glob.has_magic(pattern):
             raise UnreadableError(positions.fault(place, f"{path} does not exist; names are relative to the folder of the job's file"))
         else:
-            found = sorted(islice(glob.iglob(pattern, root_dir=folder, recursive=True), MOST_SOURCES + 1))  # noqa: PTH207 # Path.glob refuses "/..."
+            try:
+                found = sorted(set(islice(patterns.matching(pattern, folder), MOST_SOURCES + 1)))
+            except ValueError as error:
+                raise ConfigError(positions.fault(place, str(error))) from error
             if not found:
                 raise ConfigError(positions.fault(place, f"nothing in {folder.absolute()} matches {shown(pattern)}"))
             if len(found) > MOST_SOURCES:
                 raise ConfigError(positions.fault(place, f"{shown(pattern)} must match at most {MOST_SOURCES} files"))
-            for name in found:
-                yield place, folder / name, False
+            for each in found:
+                yield place, each, False
 
 
 def _without_results(items: Iterator[tuple[Item, bool]]) -> list[Item]:
     """A pattern such as *.mp4 does not mean what the job itself has written beside its sources."""
     all_of_them = list(items)
-    by_result = {item.request.output.resolve(): item for item, _ in all_of_them}
-    return [each for each, named in all_of_them if named or by_result.get(each.request.source.resolve()) in (None, each)]
+    by_result = {real(item.request.output): item for item, _ in all_of_them}
+    return [each for each, named in all_of_them if named or by_result.get(real(each.request.source)) in (None, each)]
 
 
 def _check_apart(items: Sequence[Item], job: Path) -> None:
     taken: dict[Path, Item] = {}
-    sources = {item.request.source.resolve(): item for item in items}
-    inputs = {path.resolve() for item in items for path in item.request.inputs} | {job.resolve()}
+    sources = {real(item.request.source): item for item in items}
+    inputs = {real(path) for item in items for path in item.request.inputs} | {real(job)}
     for item in items:
         output = item.request.output
         if (other := taken.setdefault(output, item)) is not item:
@@ -226,9 +232,9 @@ def _check_apart(items: Sequence[Item], job: Path) -> None:
                 f"{item.where}: {item.request.source} would write {output}, as {other.request.source} does ({other.where});"
                 " each source needs a name of its own: {folder} in output.name stands for the source's folder"
             )
-        if (other := sources.get(output.resolve())) is not None:
+        if (other := sources.get(real(output))) is not None:
             raise ConfigError(f"{item.where}: {output} is the result of {item.request.source} and a source too ({other.where})")
-        if (path := next((path for path in item.request.files if path.resolve() in inputs), None)) is not None:
+        if (path := next((path for path in item.request.files if real(path) in inputs), None)) is not None:
             raise ConfigError(
                 f"{item.where}: {path} would be written with the result of {item.request.source}, and is read by this job too"
             )

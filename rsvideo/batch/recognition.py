@@ -8,13 +8,15 @@ from pathlib import Path
 from rsvideo.batch.ledger import Entry, Ledger
 from rsvideo.config import sidecar
 from rsvideo.config.files import digest
+from rsvideo.config.placing import real
+from rsvideo.config.printable import in_unicode
 from rsvideo.config.request import Request
 from rsvideo.config.sidecar import Mark, Written
 
 
 def relative(path: Path, folder: Path) -> str:
     """The path from a folder to a file: the same when both are moved together."""
-    return os.fsencode(os.path.relpath(path.resolve(), folder.resolve())).decode("utf-8", "backslashreplace")
+    return in_unicode(os.path.relpath(real(path), real(folder)))
 
 
 def owned(request: Request, job: str, ledger: Ledger) -> Entry | None:
@@ -37,8 +39,13 @@ def may_replace(request: Request, job: str, ledger: Ledger) -> bool:
 def finished(request: Request, mark: Mark) -> Written | None:
     """What the sidecar states of a result, if it is the one that a mark is of, and all of it is there."""
     found = _stated(request, mark.job, mark.input)
-    names = {path.name: path for path in request.files}
-    if found is None or found.mark != mark or request.output.name not in found.sha256 or not found.sha256.keys() <= names.keys():
+    names = {in_unicode(path.name): path for path in request.files}
+    if (
+        found is None
+        or found.mark != mark
+        or in_unicode(request.output.name) not in found.sha256
+        or not found.sha256.keys() <= names.keys()
+    ):
         return None
     there = all(not names[name].is_symlink() and digests([names[name]]) == (held,) for name, held in found.sha256.items())
     return found if there else None

@@ -49,12 +49,13 @@ def rsvideo(
 
 def main() -> None:
     """The command `rsvideo`."""
-    from rsvideo.cli import exit_codes, quiet
+    from rsvideo.cli import exit_codes, quiet, terminal
 
     for library in ("OMP", "OPENBLAS", "MKL"):  # compiled kernels use the cores; threads within threads slow both
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     if quiet.wanted():
         quiet.python_libraries()
+    terminal.guard()
     exit_codes.listen()
     try:
         code = app(standalone_mode=False) or exit_codes.Code.DONE
@@ -62,5 +63,5 @@ def main() -> None:
         if not quiet.wanted() and not isinstance(error, exit_codes.Stopped):
             raise
         code, line = exit_codes.code_and_line(error)
-        exit_codes.last_words(line)
+        terminal.last_words(line)
     sys.exit(code)

@@ -9,7 +9,8 @@ import typer
 from typer import Option
 
 from rsvideo.cli.calibrate_board import BoardName
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json, say
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:

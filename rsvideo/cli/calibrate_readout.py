@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json, say
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json
 from rsvideo.cli.options import DirectionName
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:

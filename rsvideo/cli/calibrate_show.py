@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Overwrite, print_json, say
+from rsvideo.cli.calibrate_profile import Overwrite, print_json
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 

@@ -1,7 +1,6 @@
 """rsvideo compare: several methods on one input, a job's sources or a folder of cases, and who wins."""
 
 import os
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typer import Option
 
 from rsvideo.cli import options
 from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
 from rsvideo.config.media import SEQUENCES, is_clip, is_sequence
 from rsvideo.config.method import Method
@@ -248,7 +248,7 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How
     for name, comparison in done:
         _tell(comparison, output / name)
     if title is not None:
-        print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
+        say(f"compared: {output / 'index.html'}")
     return _code(everyone)
 
 
@@ -310,11 +310,11 @@ def _tell(comparison: "Comparison", output: Path) -> None:
     from rsvideo.report.summary import summary
 
     for words in summary(comparison):
-        print(f"rsvideo: {words}", file=sys.stderr)
+        say(words)
     for entry in comparison.methods:
         if entry.fault is not None:
-            print(f"rsvideo: {entry.name} failed: {entry.fault}", file=sys.stderr)
-    print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
+            say(f"{entry.name} failed: {entry.fault}")
+    say(f"compared: {output / 'index.html'}")
 
 
 def _note(runs: "Sequence[MethodRun]") -> None:
@@ -357,5 +357,5 @@ def _table(cases: Path, output: Path, form: "Format | None", wanted: _Wanted, re
         )
     write_whole({output: table.written(scores, form).encode()})
     note(scores.notes)
-    print(f"rsvideo: {len(scores.rows)} cases, {len(methods)} methods: {output}", file=sys.stderr)
+    say(f"{len(scores.rows)} cases, {len(methods)} methods: {output}")
     return Code.FAILED if scores.failed else Code.DONE

@@ -2,12 +2,11 @@
 
 import contextlib
 import enum
-import os
 import signal
-import sys
 from collections.abc import Iterable, Iterator
 from types import FrameType
 
+from rsvideo.cli.terminal import say
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.placing import SIGNALS
 
@@ -57,23 +56,14 @@ def refusing() -> Iterator[None]:
     except ValueError as error:
         *others, last = getattr(error, "faults", (str(error),))  # a file of settings may have several
         for fault in others:
-            print(f"rsvideo: {fault}", file=sys.stderr)
+            say(fault)
         raise RefusedError(last) from error
 
 
 def note(notes: Iterable[str]) -> None:
     """What the user should know beside the result, a line each."""
     for each in notes:
-        print(f"rsvideo: note: {each}", file=sys.stderr)
-
-
-def last_words(words: str) -> None:
-    """Why the command ends, if anybody is left to read it: after a SIGHUP the terminal may be gone."""
-    try:
-        print(f"rsvideo: {words}", file=sys.stderr, flush=True)
-    except OSError:
-        with open(os.devnull, "wb") as nowhere:  # noqa: PTH123 # where the interpreter can flush what it could not print
-            os.dup2(nowhere.fileno(), 2)
+        say(f"note: {each}")
 
 
 def code_and_line(error: BaseException) -> tuple[int, str]:

@@ -9,6 +9,8 @@ from typer import Option
 
 from rsvideo.cli import options
 from rsvideo.cli.exit_codes import refusing
+from rsvideo.cli.terminal import say
+from rsvideo.config.printable import printable
 
 if TYPE_CHECKING:
     from rsvideo.config.request import Camera
@@ -126,13 +128,13 @@ def _print_table(values: dict[str, Any]) -> None:
     table.add_column(overflow="fold")
     table.add_column(overflow="fold", style="dim")
     for line in _lines(values):
-        table.add_row(*(Text(_printable(cell)) for cell in line))
+        table.add_row(*(Text(printable(cell)) for cell in line))
     console = Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     with console.capture() as drawn:
         console.print(table)
     print("\n".join(line.rstrip() for line in drawn.get().splitlines()))
     for note in values["notes"]:
-        print(f"rsvideo: note: {_printable(note)}", file=sys.stderr)
+        say(f"note: {note}")
 
 
 def _lines(values: dict[str, Any]) -> list[Line]:
@@ -168,7 +170,3 @@ def _lines(values: dict[str, Any]) -> list[Line]:
 def _timed(name: str, fact: dict[str, Any]) -> Line:
     low, high = (f"{time * 1e3:.4g}" for time in fact.get("within", (0.0, 0.0)))
     return name, f"{fact['value'] * 1e3:.4g} ms" + (f", {low} to {high} ms" if low != high else ""), fact["source"]
-
-
-def _printable(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -1,11 +1,12 @@
 """rsvideo plot: the motion in a sidecar, drawn."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Option
+
+from rsvideo.cli.terminal import say
 
 
 def plot(
@@ -27,5 +28,5 @@ def plot(
         raise RefusedError(f"the folder {output.parent} of FIG must exist; make it first, or is its name mistyped?")
     with refusing():
         check([output], [source], overwrite=overwrite)
-    write_whole({output: plots.motion(sidecar.read(source), kind)})
-    print(f"rsvideo: drawn: {output}", file=sys.stderr)
+    write_whole({output: plots.motion(sidecar.read(source, most_frames=1), kind)})
+    say(f"drawn: {output}")

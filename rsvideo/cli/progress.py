@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Iterator
 
 from rsvideo.cli import quiet
+from rsvideo.config.printable import printable
 from rsvideo.progress import Observer, Progress, ignore
 
 
@@ -26,6 +27,6 @@ def progress_bar() -> Iterator[Observer]:
             task = shown.add_task("starting", total=1.0)
 
             def observe(at: Progress) -> None:
-                shown.update(task, description=at.stage, completed=at.fraction)
+                shown.update(task, description=printable(at.stage), completed=at.fraction)
 
             yield observe

@@ -14,7 +14,9 @@ from typer import Option
 
 from rsvideo.cli.exit_codes import note, refusing
 from rsvideo.cli.options import MOST_JOBS
+from rsvideo.cli.terminal import last_words, say
 from rsvideo.cli.validate import Sets, counted, some
+from rsvideo.config.printable import printable
 
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
@@ -57,7 +59,7 @@ def run(
                 note(notes)
                 return _carry_out(batch, book, jobs=jobs, progress=progress, json=json)
     except lock.BusyError as error:
-        _say(str(error))
+        say(str(error))
         return 1
 
 
@@ -65,7 +67,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
     from rsvideo.batch import plan, workers
     from rsvideo.batch.run import carry_out
     from rsvideo.cli import batch_progress, quiet
-    from rsvideo.cli.exit_codes import Code, Stopped, last_words
+    from rsvideo.cli.exit_codes import Code, Stopped
 
     with refusing(), quiet.c_libraries():
         plans = plan.settled(batch, _ours(batch, book))
@@ -79,16 +81,16 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
         last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except OSError as error:
-        _say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
+        say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
         return Code.FAILED
     code = _code(results, batch.report.most_failed_frames)
     if json or progress == "jsonl":
         _print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
     _print_table(results)
     if code == Code.WORSE:
-        _say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
+        say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
     if faults := sum(result.fault is not None for result in results):
-        _say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
+        say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
     else:
         book.remove()
     return code
@@ -177,7 +179,7 @@ def _print_table(results: "Sequence[Result]") -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     for clip, *counts, output in rows:
         cells = [clip.ljust(widths[0]), *(count.rjust(width) for count, width in zip(counts, widths[1:], strict=True)), output]
-        print("  ".join(cells), file=sys.stderr)
+        print(printable("  ".join(cells)), file=sys.stderr)
     for result in results:
         note(f"{result.source}: {words}" for words in result.notes)
 
@@ -188,10 +190,6 @@ def _kept(book: "Ledger") -> str:
     except OSError:
         return "what was done before is kept, the same command goes on from there"
     return f"{some(clips, 'clip')} and {some(chunks, 'chunk')} of others are kept, the same command goes on from there"
-
-
-def _say(words: str) -> None:
-    print(f"rsvideo: {words}", file=sys.stderr)
 
 
 def _print_json(values: object) -> None:

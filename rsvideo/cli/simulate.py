@@ -1,6 +1,5 @@
 """rsvideo simulate: one sharp photograph in, a blurred one out, and its truth."""
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -9,6 +8,7 @@ import typer
 from typer import Option
 
 from rsvideo.cli.options import DirectionName
+from rsvideo.cli.terminal import say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from rsvideo.stills.still import Still
 
 MOST_LOG_BYTES = 500_000_000
-MOST_YAML_BYTES = 100_000
 
 Source = Annotated[Path, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
 Output = Annotated[Path, Option("-o", "--output", metavar="OUT", help="The blurred frame; motion.csv and case.json go beside it.")]
@@ -236,7 +235,7 @@ def _write(
     write_whole(dict(zip(files, [*pictures, *beside], strict=True)))
     camera = staged.camera
     reach = extent(camera=camera, timing=staged.timing, trajectory=staged.trajectory)
-    print(f"rsvideo: rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {files[0]}", file=sys.stderr)
+    say(f"rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {files[0]}")
 
 
 def _check_names(files: list[Path], read: list[Path], *, overwrite: bool) -> None:
@@ -256,7 +255,7 @@ def _motion(
     gyro: Path | None, start: float, axes: str, polynomial: str | None, shake: bool, seed: int
 ) -> tuple["Motion", dict[str, object]]:
     """The motion that the options choose, and its words in case.json."""
-    from rsvideo.config.files import UnreadableError, read_whole
+    from rsvideo.config.files import UnreadableError, lines
     from rsvideo.physics import staging
     from rsvideo.physics.gyro import check_axes, parse
 
@@ -266,11 +265,10 @@ def _motion(
         raise ValueError(f"the motion must come from one of {', '.join(given)}, got {' and '.join(chosen) or 'none'}")
     if gyro is not None:
         check_axes(axes)
-        text = read_whole(gyro, most=MOST_LOG_BYTES).decode("utf-8", "replace")
         try:
-            log = parse(text, axes=axes)
+            log = parse(lines(gyro, most=MOST_LOG_BYTES), axes=axes)
         except ValueError as error:
-            raise UnreadableError(f"{gyro}: {error}") from error
+            raise error if isinstance(error, UnreadableError) else UnreadableError(f"{gyro}: {error}") from error
         return staging.of_log(log, start=start), {"gyro": gyro.name, "start_s": start, "axes": axes}
     if polynomial is not None:
         terms = _terms(polynomial)
@@ -297,17 +295,16 @@ def _terms(text: str) -> dict[str, list[float]]:
 
 
 def _yaml_terms(path: Path) -> dict[str, list[float]]:
-    import yaml
-
-    from rsvideo.config.files import UnreadableError, read_whole
+    from rsvideo.config import yaml
+    from rsvideo.config.files import UnreadableError
 
     form = f"{path} must map x, y and roll to lists of numbers, such as `x: [0, 12, -4]`"
     try:
-        found = yaml.safe_load(read_whole(path, most=MOST_YAML_BYTES))
+        found, _ = yaml.load(path)
         if not isinstance(found, dict) or not found:
             raise UnreadableError(f"{form}; it holds {type(found).__name__}")
         return {str(axis): [float(number) for number in numbers] for axis, numbers in found.items()}
-    except (yaml.YAMLError, TypeError, ValueError, RecursionError) as error:
+    except (TypeError, ValueError) as error:
         if isinstance(error, UnreadableError):
             raise
         raise UnreadableError(form) from error

@@ -43,7 +43,7 @@ def check(written: Sequence[Path], read: Iterable[Path], *, overwrite: bool) -> 
         for each in inputs:
             if same(path, each):
                 raise ValueError(f"{path} must not be written, it is {each}, which is read and would be lost")
-            if path.is_dir() and path.resolve() in each.resolve().parents:
+            if path.is_dir() and real(path) in real(each).parents:
                 raise ValueError(f"{path} must not be written, it holds {each}, which is read and would be lost")
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise ValueError(f"{path} must be the name of a file, it is a device or a pipe")
@@ -61,7 +61,12 @@ def same(one: Path, other: Path) -> bool:
     with contextlib.suppress(OSError):
         if one.samefile(other):
             return True
-    return one.resolve() == other.resolve()
+    return real(one) == real(other)
+
+
+def real(path: Path) -> Path:
+    """The path without links, as far as they lead anywhere: links in a circle stay."""
+    return Path(os.path.realpath(path))
 
 
 @contextlib.contextmanager

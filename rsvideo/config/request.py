@@ -17,6 +17,7 @@ from rsvideo.config import media, option
 from rsvideo.config.media import Codec
 from rsvideo.config.method import Method
 from rsvideo.config.option import Option, OptionField
+from rsvideo.config.quantity import frame_rate
 from rsvideo.config.units import Angle, CurveName, Pixels, Range, Rate, Time, TimeOrZero
 from rsvideo.physics.shutter import Direction
 
@@ -61,7 +62,7 @@ class Input(Section):
     @property
     def frame_rate(self) -> Fraction | None:
         """Of a sequence of pictures, as far as it is stated."""
-        return None if self.rate is None else Fraction(self.rate)
+        return None if self.rate is None else frame_rate(self.rate)
 
 
 class Camera(Section):

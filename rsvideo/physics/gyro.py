@@ -1,6 +1,8 @@
 """From a gyroscope's log to the path of a frame."""
 
 import math
+from array import array
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,23 +52,22 @@ class GyroLog:
         return float(np.median(np.diff(self.times)))
 
 
-def parse(text: str, *, axes: str = "XYZ") -> GyroLog:
+def parse(lines: Iterable[str], *, axes: str = "XYZ") -> GyroLog:
     """A log of lines `t_ns wx wy wz` (blanks or commas; one header line and # comments are passed over).
 
     `axes` names the gyroscope's axis that lies along the camera's x (right), y (down) and z (forward); a small letter
     is the opposite sense. A phone held upright for a picture in portrait with its back camera has "Xyz".
     """
     check_axes(axes)
-    stamps: list[int] = []
-    rates: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), 1):
+    stamps, rates = array("q"), array("d")
+    for number, line in enumerate(lines, 1):
         fields = line.split("#", 1)[0].replace(",", " ").split()
         if not fields or (not stamps and _is_header(fields)):
             continue
         try:
             stamp, wx, wy, wz = fields
             stamps.append(int(stamp) if stamp.lstrip("+-").isdecimal() else round(float(stamp)))
-            rates.append([float(wx), float(wy), float(wz)])
+            rates.extend((float(wx), float(wy), float(wz)))
         except (ValueError, OverflowError):
             raise ValueError(f"line {number} of a gyro log must be `t_ns wx wy wz`, got {line[:60]!r}") from None
         if len(stamps) > MOST_SAMPLES:
@@ -75,8 +76,8 @@ def parse(text: str, *, axes: str = "XYZ") -> GyroLog:
         raise ValueError("the gyro log is empty; its lines are `t_ns wx wy wz`")
     if max(stamps) - min(stamps) > LONGEST_LOG_NS:
         raise ValueError(f"a gyro log spans at most {LONGEST_LOG_NS} ns, got {max(stamps) - min(stamps)}; are its times in nanoseconds?")
-    times = np.array([stamp - stamps[0] for stamp in stamps], float) * 1e-9
-    return facing(GyroLog(times=times, rates=np.array(rates)), axes)
+    times = (np.frombuffer(stamps, np.int64) - stamps[0]).astype(float) * 1e-9
+    return facing(GyroLog(times=times, rates=np.frombuffer(rates).reshape(-1, 3)), axes)
 
 
 def facing(log: GyroLog, axes: str) -> GyroLog:

@@ -16,7 +16,7 @@ import numpy as np
 from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
 from rsvideo.frame import FrameResult, Verdict
-from rsvideo.pipeline import clip_frames, methods, output
+from rsvideo.pipeline import clip_frames, given_blur, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 from rsvideo.pipeline.prepare import Task
@@ -40,12 +40,16 @@ def chunks(task: Task) -> list[Chunk]:
 
 def planned(first: int, last: int, scenes: Iterable[int], picture_bytes: int) -> list[Chunk]:
     """Frames first to last - 1, cut where another of the `scenes` begins, and long scenes into equal parts."""
-    longest = max(SHORTEST, min(LONGEST, MOST_BYTES // picture_bytes))
     out: list[Chunk] = []
     for begin, end in pairwise([first, *scenes, last]):
-        edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()
+        edges = np.linspace(begin, end, -(-(end - begin) // longest(picture_bytes)) + 1).round().astype(int).tolist()
         out += [Chunk(index=len(out) + n, first=a, last=b - 1, warm_up=min(WARM_UP, a - begin)) for n, (a, b) in enumerate(pairwise(edges))]
     return out
+
+
+def longest(picture_bytes: int) -> int:
+    """Frames of a chunk at most."""
+    return max(SHORTEST, min(LONGEST, MOST_BYTES // picture_bytes))
 
 
 def in_view(chunk: Chunk, last: int) -> tuple[int, int]:
@@ -117,6 +121,8 @@ def movement(treatment: Treatment, pictures: Sequence[Picture], meaning: Colour,
     if given is not None:
         camera = treatment.camera
         within, steps = motion_file.of_clip(given, camera.timing, camera.intrinsics, [(p.index, p.time) for p in pictures])
+        for path in within:
+            given_blur.check(given, path, camera)
         tied = [step is not None for step in steps]
         return Movement(within=[*within], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
     begins = np.array([p.time for p in pictures])

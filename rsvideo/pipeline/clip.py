@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config import sidecar
-from rsvideo.config.files import made_within, sha256
+from rsvideo.config.files import UnreadableError, made_within, sha256
 from rsvideo.config.method import Method
 from rsvideo.config.placing import aside, place
 from rsvideo.config.sidecar import FrameRecord, Mark
@@ -35,8 +35,10 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     left_out = [index for record in records for index in record.left_out]
     check_cover([*kept, *left_out], task.first, task.last, task.request.source)
     pictures = chain.from_iterable(
-        planes.read(folder / record.pictures, stream, (frame.index for frame in frame_records([record], folder))) for record in records
+        planes.read(folder / record.pictures, task.stream, (frame.index for frame in frame_records([record], folder))) for record in records
     )
+    if not kept:
+        raise UnreadableError(f"{task.request.source} holds no picture that could be decoded as it was meant")
     enlargement = 1.0
     if task.request.motion.path == "smooth":
         turns, enlargement = stabilisation.corrections(steps, float(stream.rate), camera)

@@ -27,7 +27,7 @@ def check(request: Request) -> None:
     folder = output.parent
     if not folder.is_dir():
         raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")
-    if output.resolve() == source.resolve():
+    if placing.same(output, source):
         raise ValueError(f"OUTPUT must not be INPUT, both are {output}; the original is never replaced")
     try:
         tempfile.TemporaryFile(dir=folder).close()

@@ -11,7 +11,7 @@ from rsvideo.config.files import made_within, write_whole
 from rsvideo.config.placing import aside, place
 from rsvideo.config.sidecar import FrameRecord, Mark
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.pipeline import methods, output
+from rsvideo.pipeline import given_blur, methods, output
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished, Outcome, frame_records, stated
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer
@@ -58,7 +58,10 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
 
 def _restored(task: Task, observe: Observer) -> FrameResult:
     given = task.request.motion.trajectory
-    trajectory = None if given is None else given_motion.read(given, task.timing, task.camera.intrinsics)
+    trajectory = None
+    if given is not None:
+        trajectory = given_motion.read(given, task.timing, task.camera.intrinsics)
+        given_blur.check(given, trajectory, task.treatment.camera)
     frame = Frame(pixels=task.still.pixels, clipped=task.still.clipped)
     return methods.photograph(task.treatment, frame, trajectory, observe)
 

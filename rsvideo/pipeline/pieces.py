@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreadableError, opened
 from rsvideo.config.placing import Made
 from rsvideo.config.sidecar import FrameRecord, Mark, Written
 from rsvideo.frame import Verdict
@@ -94,7 +94,7 @@ def frame_records(records: Iterable[ChunkRecord], folder: Path) -> Iterator[Fram
     for record in records:
         path = folder / record.frames
         try:
-            with path.open("rb") as file:
+            with opened(path) as file:
                 for line in file:
                     yield FrameRecord.model_validate_json(line)
         except (OSError, ValueError) as error:

@@ -18,7 +18,7 @@ Pixels = Annotated[int, Field(ge=1, le=100_000)]
 Rate = Annotated[float, Field(gt=0, le=FASTEST_RATE, allow_inf_nan=False)]
 FileName = Annotated[str, Field(min_length=1, max_length=300)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-Deviation = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Deviation = Annotated[float, Field(ge=0, le=1e7, allow_inf_nan=False)]
 
 
 class _Part(BaseModel):
@@ -28,7 +28,7 @@ class _Part(BaseModel):
 class Measured(_Part):
     """A number, how sure it is, and how it came to be. In YAML the number alone will do."""
 
-    value: Annotated[float, Field(allow_inf_nan=False)]
+    value: Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e7)]  # of any unit; no camera has more
     std: Deviation | None = None  # standard deviation, in the number's unit
     how: Words | None = None  # the method
     when: Words | None = None  # the day

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.config.files import UnreadableError, lines
 from rsvideo.physics.gyro import MOST_SAMPLES, GyroLog, parse
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.shooting import gcsv, given_motion
 
 FEWEST_SAMPLES = 4  # of angles, for a cubic spline through them
-_HEAD = 4096  # characters in which a file shows its kind
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,14 +21,13 @@ class ClipLog:
 
 def read(path: Path, timing: ShutterTiming) -> ClipLog:
     """The log in a file, for a clip of that timing."""
-    beginning = read_whole(path, most=gcsv.MOST_BYTES)[:_HEAD].decode("utf-8-sig", "replace").lstrip()
-    first = beginning.splitlines()[0] if beginning else ""
+    first = next((line for line in lines(path, most=gcsv.MOST_BYTES) if line.strip()), "")
     if first.strip() in gcsv.FIRST_LINES:
         return ClipLog(log=gcsv.read(path).log, offset=-timing.middle)  # where Gyroflow lets a log begin
     try:
         if first.split(",")[0].strip() == given_motion.COLUMNS[0]:
             return _angles(path)
-        return ClipLog(log=parse(read_whole(path, most=gcsv.MOST_BYTES).decode("utf-8-sig", "replace")), offset=None)
+        return ClipLog(log=parse(lines(path, most=gcsv.MOST_BYTES)), offset=None)
     except UnreadableError:
         raise
     except ValueError as error:

@@ -11,7 +11,7 @@ import av.stream
 import numpy as np
 from av.container import InputContainer
 
-from rsvideo.video import encoder
+from rsvideo.video import container, decode, encoder
 from rsvideo.video.output_format import CONTAINERS, Encoding
 from rsvideo.video.part import Part
 from rsvideo.video.stream import Colour, Picture, Track
@@ -75,7 +75,7 @@ class ContainerWriter:
         self._copies: dict[int, av.stream.Stream] = {}
         self._others: Iterator[av.Packet] = iter(())
         if not stream.files:
-            source = self._stack.enter_context(av.open(str(stream.path), "r", metadata_errors="replace"))
+            source = self._stack.enter_context(decode.opened(stream.path, container.family(stream.path, strict=False)))
             self._describe(source)
             for track in stream.tracks:
                 self._open_copy(source, track)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsvideo.config.files import UnreadableError, naming, sha256
+from rsvideo.config.files import UnreadableError, naming, opened, sha256
 from rsvideo.config.placing import Made, aside, place
 from rsvideo.video.stream import Picture, Stream
 
@@ -39,7 +39,7 @@ def write(path: Path, pictures: Iterable[Picture]) -> str:
 def read(path: Path, stream: Stream, indices: Iterable[int]) -> Iterator[Picture]:
     """The pictures of these indices."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with opened(path) as file, zipfile.ZipFile(file) as archive:
             for index in indices:
                 planes: list[np.ndarray] = []
                 while f"{index}.{len(planes)}" in archive.NameToInfo:

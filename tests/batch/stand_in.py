@@ -45,6 +45,7 @@ class Task:
 
     request: Request
     data: bytes
+    picture_bytes: int = 1
     timing: ShutterTiming
     timing_source: str = "exposure explicit, readout explicit"
     notes: tuple[str, ...] = ()
