@@ -18,6 +18,7 @@ if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parents[2])  # `tests` and the project, instead of this folder
 
 from tests.robustness import harness
+from tests.robustness.case import Case
 from tests.robustness.harness import RIGHT, WRONG, Answer
 
 SHARES = {"media": 0.55, "pictures": 0.25, "texts": 0.2}  # of the files, by room
@@ -42,16 +43,20 @@ def sample(files: int, requests: int, of: Sequence[str]) -> list[str]:
 def answers(cases: Iterable[str], jobs: int, keep: Path | None = None) -> Iterator[Answer]:
     """What became of each, from so many workers."""
     context = multiprocessing.get_context("spawn")
-    with concurrent.futures.ProcessPoolExecutor(jobs, mp_context=context, initializer=harness.libraries) as workers:
+    with concurrent.futures.ProcessPoolExecutor(jobs, mp_context=context, initializer=harness.prepared) as workers:
         for done in concurrent.futures.as_completed([workers.submit(one, name, keep) for name in cases]):
             yield done.result()
 
 
 def one(name: str, keep: Path | None = None) -> Answer:
     """Make a case from its name, run it and judge it."""
+    return harness.answer(case(name), keep)
+
+
+def case(name: str) -> Case:
+    """The case of a room and a number."""
     room, number = name.split("/")
-    module = importlib.import_module(f"tests.robustness.{room}")
-    return harness.answer(module.case(int(number)), keep)
+    return importlib.import_module(f"tests.robustness.{room}").case(int(number))
 
 
 def rows(found: Iterable[Answer]) -> list[dict[str, str | int | float]]:
@@ -91,8 +96,11 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, metavar="DIR", help="leave the cases' folders here")
     args = parser.parse_args()
     found: list[Answer] = []
-    for each in answers(args.only or names(args.files, args.requests), args.jobs, args.keep):
+    cases = args.only or names(args.files, args.requests)
+    for each in answers(cases, args.jobs, args.keep):
         found.append(each)
+        if len(found) % 100 == 0:
+            print(f"{len(found)} of {len(cases)}", file=sys.stderr, flush=True)
         if args.only or each.verdict not in RIGHT:
             print(f"{each.verdict}: {each.name} ({each.family}), code {each.code}, {each.seconds:.1f} s: {each.words}", flush=True)
     table = rows(found)

@@ -7,6 +7,7 @@ import contextlib
 import gc
 import hashlib
 import importlib
+import io
 import os
 import pkgutil
 import re
@@ -28,7 +29,7 @@ from tests.robustness.case import Case, Fault
 SECONDS = 60  # that a case may take
 MEMORY = 2 << 30  # bytes that it may hold
 _PROTECTION = 6 << 30  # bytes beyond the worker's own at which the system refuses more, for the machine's sake
-_GRACE = 2.0  # seconds in which a command's own processes must have ended after it
+GRACE = 2.0  # seconds in which a command's own processes must have ended after it
 _SAFE_LINE = re.compile(r"[^\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]*")
 
 RIGHT = ("refused", "restored")
@@ -48,8 +49,8 @@ class Answer:
     words: str  # why, or the last line that the command wrote
 
 
-def libraries() -> None:
-    """Import what the command needs, before forking."""
+def prepared() -> None:
+    """Import what the command needs, and let it make once what it keeps, before forking."""
     os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")} | {"OPENCV_LOG_LEVEL": "SILENT"}
     for package in ("rsvideo", "calibration"):
         for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
@@ -65,10 +66,24 @@ def libraries() -> None:
         "PIL.Image",
     ):
         importlib.import_module(name)
+    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stderr(io.StringIO()), contextlib.suppress(SystemExit):
+        command(("deblur", str(Path(folder, "absent.mp4")), "-o", str(Path(folder, "out.mkv"))))
     gc.freeze()
 
 
-def answer(case: Case, keep: Path | None = None) -> Answer:
+def command(words: tuple[str, ...]) -> int:
+    """The command, to its exit code."""
+    from rsvideo.cli import main
+
+    sys.argv = ["rsvideo", *words]
+    try:
+        main()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else 0 if end.code is None else 1
+    return 0
+
+
+def answer(case: Case, keep: Path | None = None, *, program: Callable[[tuple[str, ...]], int] = command) -> Answer:
     """Lay the case out, run it, judge it; its folder stays under `keep`, where that is given."""
     with _folder(case, keep) as (folder, temporary, outputs):
         for name, content in case.files.items():
@@ -76,7 +91,7 @@ def answer(case: Case, keep: Path | None = None) -> Answer:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content) if isinstance(content, bytes) else content(path)
         before = contents(folder)
-        ended = _run(lambda: _command(case.words), folder, temporary, outputs)
+        ended = _run(lambda: program(case.words), folder, temporary, outputs)
         after = contents(folder)
         text = outputs.read_bytes().decode("utf-8", "surrogateescape")
         verdict, why = _judged(case, folder, ended, text, before, after, left=sorted(path.name for path in temporary.iterdir()))
@@ -154,7 +169,7 @@ def _run(work: Callable[[], int], folder: Path, temporary: Path, outputs: Path) 
 
 def _outlived(group: int) -> bool:
     """Whether processes of a group are left after a moment; they are ended."""
-    until = time.monotonic() + _GRACE
+    until = time.monotonic() + GRACE
     with contextlib.suppress(ProcessLookupError):
         while time.monotonic() < until:
             os.killpg(group, 0)
@@ -188,18 +203,6 @@ def _be_forked(work: Callable[[], int], folder: Path, temporary: Path, outputs: 
             sys.stdout.flush()
             sys.stderr.flush()
         os._exit(code)
-
-
-def _command(words: tuple[str, ...]) -> int:
-    """The command, to its exit code."""
-    from rsvideo.cli import main
-
-    sys.argv = ["rsvideo", *words]
-    try:
-        main()
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else 0 if end.code is None else 1
-    return 0
 
 
 def _judged(

@@ -48,7 +48,7 @@ _KINDS: tuple[tuple[str, dict], ...] = (
     (".mp4", {"codec": "libx265"}),
     (".mov", {"codec": "mjpeg", "layout": "yuvj420p"}),
     (".mkv", {"codec": "libx264", "muxer": {"live": "1"}}),
-    (".mp4", {"codec": "mpeg4", "base": Fraction(1, 90000), "times": [3750 * n + (n % 3) * 7 for n in range(FRAMES)]}),
+    (".mp4", {"codec": "mpeg4", "base": Fraction(1, 24_000), "times": [1000 * n + (n % 3) * 7 for n in range(FRAMES)]}),
 )
 
 

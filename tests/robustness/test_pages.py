@@ -1,0 +1,92 @@
+"""Hostile names and metadata in a report, in a real browser: they stay text."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from tests.cli.forked import call
+from tests.robustness.case import rng
+from tests.video.clips import make
+
+CHROMIUM = Path("/usr/bin/chromium")
+STAND_IN = Path(__file__).resolve().parents[1] / "cli" / "compare_stand_in.py"
+_MARK = "window.hit=1"
+ATTACKS = (
+    f"<img src=x onerror={_MARK}>",
+    f"<svg onload={_MARK}>",
+    f'"><script>{_MARK}</script>',
+    f"' autofocus onfocus='{_MARK}",
+    f"javascript:{_MARK}",
+    f"${{{_MARK}}}`{{{{7*7}}}}",
+    f"</title></style></textarea><iframe srcdoc='<script>parent.{_MARK}</script>'>",
+    "<base href=http://127.0.0.1:9/><meta http-equiv=refresh content='0;url=http://127.0.0.1:9/'>",
+    "<!-- ]]>&lt;&#60;script>%3Cscript%3E",
+)
+_ELEMENTS = (
+    "img[src=x], iframe, base, meta[http-equiv=refresh], svg[onload], [onfocus], [onerror], [onload], [onmouseover], a[href^=javascript]"
+)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    if not CHROMIUM.exists():
+        pytest.skip(f"no browser at {CHROMIUM}; apt-get install chromium")
+    with sync_playwright() as program:
+        chromium = program.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The pages of a job whose folder, clips and tags attack."""
+    folder = tmp_path_factory.mktemp("clips") / ATTACKS[1]
+    folder.mkdir()
+    chance, clips = rng("pages", 0), []
+    for number, attack in enumerate(ATTACKS):
+        tags = dict.fromkeys(("title", "make", "model", "artist", "comment", "encoder"), str(chance.choice(np.array(ATTACKS))))
+        name = attack.replace("/", "\u2215").replace("#", "").replace("*", "")[:120] + ".mp4"
+        make(folder / "plain.mp4", frames=2, rows=64, cols=96, tags=tags, rate=24).rename(folder / name)
+        clips.append({"source": name, "name": f"{number}" + "{ext}"})
+    job = folder / "job.yaml"
+    camera = {"exposure": "1/50", "readout": "20ms", "focal_px": 90}
+    job.write_text(json.dumps({"report": {"methods": ["none", "uniform"]}, "defaults": {"camera": camera}, "clips": clips}))
+    report = folder / "report"
+    done = call("compare", job, "-o", report, program=STAND_IN)
+    assert "Traceback" not in done.stderr
+    found = sorted(report.rglob("index.html"))
+    assert len(found) == len(ATTACKS) + 1, done.stderr
+    return found
+
+
+def heard(browser: Browser, page: Path) -> list[str]:
+    """What a page does besides showing itself, when it is opened and touched."""
+    tab = browser.new_page()
+    found: list[str] = []
+    tab.on("dialog", lambda dialog: found.append(f"dialog {dialog.message}"))
+    tab.on("pageerror", lambda error: found.append(f"error {error}"))
+    tab.on("console", lambda message: found.append(f"console {message.text}"))
+    tab.on("request", lambda request: found.append(request.url))
+    tab.goto(page.as_uri())
+    tab.mouse.move(200, 200)
+    tab.keyboard.press("Tab")
+    tab.wait_for_timeout(50)  # milliseconds, for a script that waits
+    if tab.evaluate("window.hit") is not None:
+        found.append("a script ran")
+    found += [element.evaluate("e => e.outerHTML") for element in tab.query_selector_all(_ELEMENTS)]
+    tab.close()
+    return [words for words in found if words != page.as_uri() and not words.startswith(("data:", "blob:"))]
+
+
+def test_no_name_and_no_tag_becomes_an_element_or_runs(browser: Browser, pages: list[Path]) -> None:
+    assert {page.parent.name: heard(browser, page) for page in pages} == {page.parent.name: [] for page in pages}
+
+
+def test_the_browser_tells_a_page_that_is_not_safe(browser: Browser, tmp_path: Path) -> None:
+    page = tmp_path / "index.html"
+    page.write_text(f"<title>{ATTACKS[0]}</title>{ATTACKS[0]}")
+    assert "a script ran" in heard(browser, page)
