@@ -127,7 +127,7 @@ def _bomb(data: bytes, chance: np.random.Generator, kind: str) -> bytes:
         return bytes(made)
     if kind == "exr":
         at = data.find(b"dataWindow") + 11 + 6 + 4
-        struct.pack_into("<4i", made, at, 0, 0, *((side - 1) % 2**32 - (2**32 if side > 2**31 else 0) for side in (cols, rows)))
+        struct.pack_into("<2i2I", made, at, 0, 0, *((side - 1) % 2**32 for side in (cols, rows)))
         return bytes(made)
     return _tagged(data, {256: cols, 257: rows})
 
