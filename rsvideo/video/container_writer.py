@@ -11,8 +11,7 @@ import av.stream
 import numpy as np
 from av.container import InputContainer
 
-from rsvideo.video import container, encoder
-from rsvideo.video.opening import address, opened
+from rsvideo.video import encoder
 from rsvideo.video.output_format import CONTAINERS, Encoding
 from rsvideo.video.part import Part
 from rsvideo.video.stream import Colour, Picture, Track
@@ -67,7 +66,7 @@ class ContainerWriter:
         options = {"avoid_negative_ts": "disabled", "fflags": "+bitexact"}
         if self._family != "matroska":
             options = {"movflags": "use_metadata_tags", "video_track_timescale": str(stream.time_base.denominator)}
-        self._out = av.open(address(file), "w", format=self._family, container_options=options)
+        self._out = av.open(f"file:{file}", "w", format=self._family, container_options=options)
         self._stack.callback(self._out.close)
         if self._family == "matroska":
             self._check_milliseconds(path)
@@ -76,7 +75,7 @@ class ContainerWriter:
         self._copies: dict[int, av.stream.Stream] = {}
         self._others: Iterator[av.Packet] = iter(())
         if not stream.files:
-            source = self._stack.enter_context(opened(stream.path, container.family(stream.path, strict=False)))
+            source = self._stack.enter_context(av.open(str(stream.path), "r", metadata_errors="replace"))
             self._describe(source)
             for track in stream.tracks:
                 self._open_copy(source, track)

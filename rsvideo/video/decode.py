@@ -19,7 +19,6 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.stills.codes import MOST_PIXELS
 from rsvideo.stills.ffmpeg import arrays, watched
 from rsvideo.video import container, probing, sequence, tags
-from rsvideo.video.opening import opened
 from rsvideo.video.stream import Picture, Stream
 
 OnDamage = Literal["fail", "passthrough", "skip"]
@@ -37,7 +36,7 @@ def probe(path: Path, rate: Fraction | None = None, *, on_damage: OnDamage = "fa
         return sequence.probe(path, rate)
     family = container.family(path, strict=strict)
     try:
-        with opened(path, family) as file:
+        with _opened(path, family) as file:
             return probing.probed(path, family, file, strict=strict)
     except av.error.FFmpegError as error:
         raise UnreadableError(f"{path} cannot be read: {_reason(error)}; is it damaged or cut short?") from error
@@ -61,6 +60,10 @@ def pictures(stream: Stream, first: int = 0, last: int | None = None, *, on_dama
         yield from _strict(stream, first, last) if on_damage == "fail" else _lenient(stream, first, last, on_damage)
     except av.error.FFmpegError as error:
         raise UnreadableError(f"{stream.path} cannot be read: {_reason(error)}") from error
+
+
+def _opened(path: Path, family: str) -> InputContainer:
+    return av.open(str(path), "r", format=family, metadata_errors="replace")
 
 
 def _reason(error: av.error.FFmpegError) -> str:
@@ -125,7 +128,7 @@ def _strict(stream: Stream, first: int, last: int) -> Iterator[Picture]:
 
 def _decoded(stream: Stream, start: int | None, last: int) -> Iterator[tuple[int, VideoFrame]]:
     """Index and frame from the key picture `start` on, or from the beginning; raises _Broken at any sign of damage."""
-    with opened(stream.path, container.family(stream.path, strict=False)) as file:
+    with _opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": _STRICT})
         for packet in _packets(file, video, start):
             near = stream.times.searchsorted(packet.pts) if packet.pts is not None else last
@@ -214,7 +217,7 @@ def _concealed(stream: Stream, first: int, last: int) -> Iterator[Picture]:
     suspect, damaged = set[int](), False
     starts = stream.keys[stream.keys <= stream.times[first]]
     start = int(starts[-1]) if len(starts) and first else None
-    with opened(stream.path, container.family(stream.path, strict=False)) as file:
+    with _opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": "crccheck+bitstream", "flags": "output_corrupt"})
         try:
             for packet in _packets(file, video, start):
