@@ -25,9 +25,9 @@ SHARES = {"media": 0.55, "pictures": 0.25, "texts": 0.2}  # of the files, by roo
 
 
 def names(files: int, requests: int) -> list[str]:
-    """The cases of an attack of so many files and requests."""
+    """The cases of an attack of so many files and requests, those of all rooms in turn."""
     counts = {room: round(share * files) for room, share in SHARES.items()} | {"commands": requests}
-    return [f"{room}/{number}" for room, count in counts.items() for number in range(count)]
+    return [f"{room}/{number}" for number in range(max(counts.values())) for room, count in counts.items() if number < count]
 
 
 def sample(files: int, requests: int, of: Sequence[str]) -> list[str]:
