@@ -94,7 +94,7 @@ def _layouts(codec: str) -> set[str]:
     found = {layout.name for layout in av.Codec(ENCODERS[codec], "w").video_formats or ()}
     if codec == "ffv1":
         found |= {"gbrp"}  # as bgr0
-    return {name for name in found if planar(name) and not name.startswith("yuvj")}
+    return {name for name in found if planar(name) and not name.startswith("yuvj") and "f32" not in name}  # which FFV1's version 3 lacks
 
 
 def _holds(larger: str, smaller: str) -> bool:
