@@ -17,7 +17,9 @@ class Fault(Enum):
     0 is right for all of them, where the result is whole and the case need not be refused; 1 (failed while working) for none.
     """
 
-    SOURCE = "a clip, a picture, a sidecar, a motion or a log, damaged or of another kind", frozenset({3})
+    SOURCE = "a clip, a picture or a sidecar, damaged or of another kind", frozenset({3})
+    TIMES = "a clip's times: 3 where they cannot be, 2 where OUTPUT cannot hold them", frozenset({2, 3})
+    MOTION = "a motion or a log: 3 damaged, 2 where it is sound and contradicts the request", frozenset({2, 3})
     SETTINGS = "a job or a profile: 2 where what it states cannot be meant, 3 where it cannot be read", frozenset({2, 3})
     OPTION = "an option, or several that contradict each other", frozenset({2})
     NAME = "a file's name: 2 where it cannot be one, 3 where nothing can be read under it", frozenset({2, 3})

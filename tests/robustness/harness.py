@@ -237,8 +237,10 @@ def _judged(
 
 
 def _is_clear(case: Case, refusal: str) -> bool:
-    """One line that begins with the command's name; a file of settings may have several faults, a line each."""
+    """One line that begins with the command's name. A file of settings may have several faults, a line each; a plan names them in place."""
     lines = refusal.splitlines()
+    if "--dry-run" in case.words and any(" -> nothing: " in line for line in lines):
+        return "failed while working" not in refusal
     named = all(line.startswith("rsvideo: ") for line in lines)
     return bool(lines) and named and "failed while working" not in refusal and (len(lines) == 1 or case.fault is Fault.SETTINGS)
 

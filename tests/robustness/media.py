@@ -263,7 +263,7 @@ def case(number: int) -> Case:
         name=f"{ROOM}/{number}",
         family=f"clips: {family}",
         words=command,
-        fault=Fault.SOURCE,
+        fault=Fault.TIMES if family == "timestamps" else Fault.SOURCE,
         files={source: clip.data},
         source=source,
         output=output,

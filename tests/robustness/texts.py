@@ -286,7 +286,7 @@ def _plotted(data: bytes, _: np.random.Generator) -> dict:
 def _followed(name: str, option: str, *more: str) -> Callable[[bytes, np.random.Generator], dict]:
     def words(data: bytes, _: np.random.Generator) -> dict:
         command = ("deblur", "in.png", "-o", "out.png", *_TIME, "--focal-px", "70", "--prior", "tv", option, name, *more)
-        return {"words": command, "files": {name: data, "in.png": pictures.whole("png")}, "output": "out.png"}
+        return {"words": command, "fault": Fault.MOTION, "files": {name: data, "in.png": pictures.whole("png")}, "output": "out.png"}
 
     return words
 
