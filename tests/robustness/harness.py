@@ -7,7 +7,6 @@ import contextlib
 import gc
 import hashlib
 import importlib
-import io
 import os
 import pkgutil
 import re
@@ -66,8 +65,10 @@ def prepared() -> None:
         "PIL.Image",
     ):
         importlib.import_module(name)
-    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stderr(io.StringIO()), contextlib.suppress(SystemExit):
-        command(("deblur", str(Path(folder, "absent.mp4")), "-o", str(Path(folder, "out.mkv"))))
+    from rsvideo.cli import app
+
+    with tempfile.TemporaryDirectory() as folder, contextlib.suppress(ValueError):  # there is no such clip
+        app(["deblur", str(Path(folder, "absent.mp4")), "-o", str(Path(folder, "out.mkv"))], standalone_mode=False)
     gc.freeze()
 
 
