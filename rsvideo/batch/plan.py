@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
-from rsvideo.config import yaml
+from rsvideo.config import names, yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_clip
 from rsvideo.config.request import Request, Sections
@@ -201,6 +201,8 @@ def _sources(clip: Clip, number: int, positions: Positions) -> Iterator[tuple[tu
 def _without_results(items: Iterator[tuple[Item, bool]]) -> list[Item]:
     """A pattern such as *.mp4 does not mean what the job itself has written beside its sources."""
     all_of_them = list(items)
+    for item, _ in all_of_them:
+        names.check(item.request.source, *item.request.files)
     by_result = {item.request.output.resolve(): item for item, _ in all_of_them}
     return [each for each, named in all_of_them if named or by_result.get(each.request.source.resolve()) in (None, each)]
 
