@@ -13,6 +13,7 @@ import multiprocessing
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 if __name__ == "__main__":
     sys.path[0] = str(Path(__file__).resolve().parents[2])  # `tests` and the project, instead of this folder
@@ -59,7 +60,7 @@ def case(name: str) -> Case:
     return importlib.import_module(f"tests.robustness.{room}").case(int(number))
 
 
-def rows(found: Iterable[Answer]) -> list[dict[str, str | int | float]]:
+def rows(found: Iterable[Answer]) -> list[dict[str, Any]]:
     """Counts by family, and of all: the rows of the published table."""
     by_family: dict[str, list[Answer]] = collections.defaultdict(list)
     for each in found:
@@ -68,7 +69,7 @@ def rows(found: Iterable[Answer]) -> list[dict[str, str | int | float]]:
     return [_row(family, group) for family, group in sorted(by_family.items())] + [_row("all", everything)]
 
 
-def _row(family: str, group: Sequence[Answer]) -> dict[str, str | int | float]:
+def _row(family: str, group: Sequence[Answer]) -> dict[str, Any]:
     counts = collections.Counter(each.verdict for each in group)
     return {
         "attack": family,
@@ -79,7 +80,7 @@ def _row(family: str, group: Sequence[Answer]) -> dict[str, str | int | float]:
     }
 
 
-def printed(table: Sequence[dict[str, str | int | float]]) -> str:
+def printed(table: Sequence[dict[str, Any]]) -> str:
     """The table as Markdown."""
     lines = [f"| {' | '.join(table[0])} |", "|---" + "|---:" * (len(table[0]) - 1) + "|"]
     return "\n".join([*lines, *(f"| {' | '.join(map(str, row.values()))} |" for row in table)])

@@ -155,7 +155,7 @@ def _options(chance: np.random.Generator) -> dict:
     words = [part for pair in sound.items() for part in pair]
     source, output = ("in.mp4", "out.mkv") if clip else ("in.png", "out.png")
     at = 2 * int(chance.integers(len(sound) + 1))
-    words[at:at] = [name, str(values[chance.integers(len(values))])]
+    words[at:at] = [name, str(values[int(chance.integers(len(values)))])]
     return {"words": ("deblur", source, "-o", output, *words), "fault": fault, "files": _traps(), "required": True}
 
 
@@ -337,7 +337,7 @@ def _no_files(chance: np.random.Generator) -> dict:
         ("**/*.png", {"a/b": link(".."), "b": link(".")}),
         ("/**", {}),
     )
-    source, files = laid[chance.integers(len(laid))]
+    source, files = laid[int(chance.integers(len(laid)))]
     clip = Path(source).suffix in (".mp4", ".mov", ".mkv", ".avi") or source.startswith("take")
     words = (
         "deblur",

@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.robustness import harness
 from tests.robustness.case import Case, Fault
 
-_HELD: list[bytes] = []
+_HELD: list[bytearray] = []
 
 
 def _raises(_: tuple[str, ...]) -> int:

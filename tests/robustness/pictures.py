@@ -74,7 +74,7 @@ def whole(kind: str) -> bytes:
         case "progressive.jpg":
             return _saved("JPEG", np.uint8, 3, progressive=True)
         case "exr":
-            return exr.encode(tuple(np.float32(_codes(np.uint8, 3)[..., k] / 255) for k in range(3)))
+            return exr.encode(tuple((_codes(np.uint8, 3)[..., k] / 255).astype(np.float32) for k in range(3)))
         case _:
             with tempfile.TemporaryDirectory() as folder:
                 return raw(Path(folder, "x.dng"), rows=_ROWS, cols=_COLS).read_bytes()

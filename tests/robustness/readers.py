@@ -4,6 +4,7 @@ import contextlib
 from pathlib import Path
 
 import av
+import av.error
 import PIL.Image
 import tifffile
 
@@ -43,7 +44,7 @@ def _packets(path: Path) -> int | None:
     try:
         with av.open(str(path), metadata_errors="replace") as file:
             return sum(1 for packet in file.demux(video=0) if packet.size and not packet.is_discard)
-    except (av.FFmpegError, ValueError, IndexError):
+    except (av.error.FFmpegError, ValueError, IndexError):
         return None
 
 

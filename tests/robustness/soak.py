@@ -13,6 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -90,9 +91,9 @@ def _tree(pid: int) -> list[int]:
     return [pid, *(each for child in children for each in _tree(child))]
 
 
-def quarters(samples: Sequence[Sample]) -> list[dict[str, str | int | float]]:
+def quarters(samples: Sequence[Sample]) -> list[dict[str, Any]]:
     """The largest values within each quarter of the restoration, and of the encoding that follows."""
-    rows: list[dict[str, str | int | float]] = []
+    rows: list[dict[str, Any]] = []
     for encoding, stage in ((False, "restoring"), (True, "encoding")):
         part = [sample for sample in samples if sample.encoding is encoding]
         for number in range(4):

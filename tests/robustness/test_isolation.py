@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import av
+import av.error
 import pytest
 
 from tests.cli.forked import call
@@ -178,6 +179,6 @@ def test_the_trap_springs_where_ffmpeg_is_left_to_itself(trap: Trap, tmp_path: P
     Path("x.ffconcat").write_bytes(CONTENTS["ffconcat of a file"](tmp_path, trap))
     with av.open("x.ffconcat"):
         assert trap.sprung()
-    with pytest.raises(av.FFmpegError):
+    with pytest.raises(av.error.FFmpegError):
         av.open(f"http://127.0.0.1:{trap.port}/x.mp4", timeout=0.5)
     assert trap.sprung()
