@@ -12,7 +12,7 @@ from typing import Any
 
 from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
 from rsvideo.batch.recognition import relative
-from rsvideo.config import patterns, yaml
+from rsvideo.config import names, patterns, yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_clip
 from rsvideo.config.placing import real
@@ -101,7 +101,7 @@ def read(path: Path, sets: Sequence[str] = (), *, overwrite: bool = False) -> Ba
     report = job.report.model_copy(update=wanted.report.model_dump(exclude_unset=True))
     folder = path.parent / output.folder
     items = _without_results(_items(job, wanted, positions, folder, output.name, overwrite=overwrite))
-    _check_apart(items, path)
+    _check_results(items, path)
     name = relative(path, folder)
     own = hashlib.sha256(name.encode()).hexdigest()[:_TELLING]  # jobs of one name in different folders do not share what they keep
     working = folder / f".rsvideo-{path.stem[:_LONGEST_STEM]}-{own}"
@@ -221,12 +221,17 @@ def _without_results(items: Iterator[tuple[Item, bool]]) -> list[Item]:
     return [each for each, named in all_of_them if named or by_result.get(real(each.request.source)) in (None, each)]
 
 
-def _check_apart(items: Sequence[Item], job: Path) -> None:
+def _check_results(items: Sequence[Item], job: Path) -> None:
+    """Refuse names of results that cannot be, and those of sources, of each other and of anything else that the job reads."""
     taken: dict[Path, Item] = {}
     sources = {real(item.request.source): item for item in items}
     inputs = {real(path) for item in items for path in item.request.inputs} | {real(job)}
     for item in items:
         output = item.request.output
+        try:
+            names.check(*item.request.files)
+        except ValueError as error:
+            raise ConfigError(f"{item.where}: {error}") from error
         if (other := taken.setdefault(output, item)) is not item:
             raise ConfigError(
                 f"{item.where}: {item.request.source} would write {output}, as {other.request.source} does ({other.where});"

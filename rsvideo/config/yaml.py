@@ -33,7 +33,7 @@ _MOST_LISTED = 20  # names that fit one line of an error
 _MOST_SHOWN = 60  # characters of a value in an error
 _WORDS: Mapping[str, bool | None] = {"": None, "~": None, "null": None, "true": True, "false": False}
 _TAGS = {None, "!", *(f"tag:yaml.org,2002:{kind}" for kind in ("str", "map", "seq"))}
-_MESSAGES = {"extra_forbidden": "there is no such key", "missing": "must be given"}
+_MESSAGES = {"extra_forbidden": "there is no such key", "missing": "must be given", "model_type": "must be a mapping of keys"}
 
 
 class ConfigError(ValueError):

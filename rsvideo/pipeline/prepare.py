@@ -6,7 +6,7 @@ A photograph is one frame without neighbours; what else differs is how it is ope
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rsvideo.config import sidecar
+from rsvideo.config import names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Request
@@ -146,6 +146,7 @@ def prepare(request: Request) -> Task:
 
 def _check(request: Request) -> None:
     """Refuse what can be refused before anything is read."""
+    names.check(*request.files)
     method = request.deblur.method
     if not request.is_clip:
         taken = f"{request.source} is taken for a photograph"

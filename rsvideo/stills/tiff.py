@@ -57,6 +57,8 @@ def _check_kind(page: tifffile.TiffPage) -> None:
 
 
 def _pixels(page: tifffile.TiffPage, data: bytes) -> np.ndarray:
+    if page.compression == tifffile.COMPRESSION.NONE and (held := sum(page.databytecounts)) < page.nbytes:
+        raise ValueError(f"is damaged: its strips hold {held} bytes, its picture has {page.nbytes}")
     try:
         stored = page.asarray()
         return np.moveaxis(stored, 0, -1) if page.axes == "SYX" else stored

@@ -123,6 +123,9 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
     rising = np.array(times, np.int64)[order]
     if len(rising) > 1 and (twice := np.diff(rising) <= 0).any():
         raise UnreadableError(f"{path} must show one picture at a time, two are at pts {rising[np.argmax(twice)]}; is it damaged?")
+    if rising[0] < 0:  # which no container that is written keeps
+        begins = float(rising[0] * (video.time_base or 0))
+        raise UnreadableError(f"{path} must show its first picture at time 0 or later, it does at {begins:g} s; is its header damaged?")
     spacing = int(np.median(np.diff(rising))) if len(rising) > 1 else 1
     return rising, np.sort(np.array(keys, np.int64)), int(rising[-1]) + (durations[order[-1]] or spacing), shown
 

@@ -68,7 +68,7 @@ def colour(path: Path, video: VideoStream, frame: VideoFrame) -> tuple[Colour, t
     if h273[2] in _UNSAID and not rgb:
         assumed.add("matrix")
         matrix = Matrix.BT709 if frame.height >= _HD_ROWS else Matrix.BT601
-    if matrix is None or (matrix is Matrix.RGB) != rgb:
+    if matrix is None or ((matrix is Matrix.RGB) != rgb and subsampling != "4:0:0"):  # grey has nothing to mix
         raise UnreadableError(f"{path} mixes its colours by matrix {h273[2]} of H.273, which is not read; convert it to BT.709 first")
     transfer = _TRANSFER.get(h273[1])
     if transfer is None:

@@ -10,7 +10,7 @@ from types import TracebackType
 import av.error
 import numpy as np
 
-from rsvideo.config.files import digest
+from rsvideo.config.files import UnreadableError, digest
 from rsvideo.config.placing import Made, aside, place
 from rsvideo.video import colour as tint
 from rsvideo.video import sequence, verification
@@ -116,7 +116,13 @@ class Writer:
             verification.read_back(self._file, self._path, rate, np.arange(self._part.count), 1 / rate)
             return
         base = self._container.base
-        written = verification.read_back(self._file, self._path, rate, self._part.times(base), base)
+        try:
+            written = verification.read_back(self._file, self._path, rate, self._part.times(base), base)
+        except OSError as error:
+            if error.errno != errno.EIO or not any(track.copied for track in self._stream.tracks):
+                raise
+            held = f"{self._stream.path} holds sound or other tracks that cannot be carried over"
+            raise UnreadableError(f"{held}: {error.strerror}") from error
         self._notes.extend(verification.lost(self._part, written, self.colour))
 
 
