@@ -54,7 +54,7 @@ def write(measured: "CameraProfile | Measurement", file: Path | str, *, add: boo
     Raises:
         FileExistsError: the file exists, and neither `add` nor `overwrite` is given.
         ConfigError: with `add`, the file holds another mode of the camera.
-        ValueError: the ending is wrong, or the folder does not exist.
+        ValueError: the suffix is wrong, or the folder does not exist.
 
     Examples:
         >>> import tempfile, pathlib, calibration
@@ -112,7 +112,7 @@ def show(camera: CameraProfile | Path | str, file: Path | str, *, overwrite: boo
 
     Raises:
         FileExistsError: the file exists, and `overwrite` is false.
-        ValueError: the ending names no format, or the folder does not exist.
+        ValueError: the suffix names no format, or the folder does not exist.
 
     Examples:
         >>> import tempfile, pathlib
@@ -126,7 +126,7 @@ def show(camera: CameraProfile | Path | str, file: Path | str, *, overwrite: boo
     from rsvideo.report.plots import FORMATS
 
     file = Path(file)
-    kind = file_format(file, FORMATS, overwrite=overwrite)
+    kind = file_format(file, FORMATS, overwrite=overwrite, read=[] if isinstance(camera, CameraProfile) else [Path(camera)])
     write_whole({file: profile_page.draw(camera if isinstance(camera, CameraProfile) else read(camera), kind)})
 
 

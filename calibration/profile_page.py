@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from rsvideo.config.printable import printable
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting.camera_profile import CameraProfile, Clock, Measured, Mode, Noise, Tone
@@ -47,7 +48,7 @@ def draw(profile: CameraProfile, kind: str) -> bytes:
             _noise(figure.add_subplot(grid[-1, 1]), profile.noise)
         mode = profile.mode
         title = f"{profile.camera}: {mode.cols} x {mode.rows}" + (f" at {mode.fps:.5g} fps" if mode.fps else "")
-        figure.suptitle(title.replace("$", r"\$"), fontsize=13)
+        figure.suptitle(printable(title), fontsize=13, parse_math=False)
         file = io.BytesIO()
         figure.savefig(file, format=kind, dpi=_DPI)
     return file.getvalue()
@@ -120,7 +121,7 @@ def _numbers(panel: Axes, lines: list[tuple[str, str]], least: int) -> None:
     for number, (name, value) in enumerate(lines):
         y = 1 - (number + 0.5) / max(len(lines), least)
         panel.text(0.0, y, name, va="center", fontsize=9, color=_GREY, transform=panel.transAxes)
-        panel.text(0.17, y, value.replace("$", r"\$"), va="center", fontsize=9, transform=panel.transAxes)
+        panel.text(0.17, y, printable(value), va="center", fontsize=9, parse_math=False, transform=panel.transAxes)
 
 
 def _in_ms(number: Measured) -> dict[str, float | None]:

@@ -1,4 +1,4 @@
-"""Where corners are seen through a lens, and how that changes with the lens and with where they stand."""
+"""Where corners appear through a lens, and how that changes with the lens and with where they stand."""
 
 import cv2
 import numpy as np
@@ -8,7 +8,7 @@ from jaxtyping import Float
 def project(
     model: str, numbers: Float[np.ndarray, " p"], at: Float[np.ndarray, "n 3"], pose: Float[np.ndarray, "6"]
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "two_n 6"], Float[np.ndarray, "two_n p"]]:
-    """Where corners are seen, and the derivatives in the pose (rotation vector, translation) and in the lens."""
+    """Where corners appear, and the derivatives in the pose (rotation vector, translation) and in the lens."""
     matrix = np.array([[numbers[0], 0, numbers[2]], [0, numbers[1], numbers[3]], [0, 0, 1]])
     turn, shift = pose[:3].reshape(3, 1), pose[3:].reshape(3, 1)
     if model == "fisheye":

@@ -6,8 +6,8 @@
     result = rsvideo.deblur(photograph, shutter=rsvideo.Shutter(exposure="1/50", readout="20ms"), camera=rsvideo.Camera(focal_px=1400))
     rsvideo.write("sharp.png", result.latent, like=photograph)
 
-`deblur` takes one photograph, `deblur_clip` a clip, as arrays or a file; `track` finds motion alone; `simulate` makes pictures whose truth
-is known; `read`, `read_clip` and `write` are for files. Each name is loaded when it is first used.
+`deblur` takes one photograph, `deblur_clip` a clip, as arrays or a file; `track` finds motion alone; `simulate` renders pictures and
+their truth; `read`, `read_clip` and `write` are for files. Each name is loaded when it is first used.
 """
 
 from typing import TYPE_CHECKING

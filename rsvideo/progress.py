@@ -1,4 +1,4 @@
-"""How far a piece of work is, told while it goes on."""
+"""How far a piece of work has come, reported while it goes on."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -34,7 +34,7 @@ def board(file: Path | str, name: str = "chessboard:9x6:25mm", *, paper: str = "
     """Draw a board to print at 100 %, glue to something flat, and photograph.
 
     Args:
-        file: Where to draw it; the ending names the format: .pdf, .svg, or .png at 10 px a mm.
+        file: Where to draw it; the suffix names the format: .pdf, .svg, or .png at 10 px a mm.
         name: The board: `chessboard:9x6:25mm` (inner corners, side of a square), `charuco:5x7:DICT_6X6_250:30mm:22mm`
             (squares, dictionary, sides of squares and markers) or `aprilgrid:6x6:30mm:9mm` (tags, side of a tag, gap).
         paper: The sheet: A4, A3, A2, A1, A0 or letter.
@@ -44,7 +44,7 @@ def board(file: Path | str, name: str = "chessboard:9x6:25mm", *, paper: str = "
         The board, whose `object_points()` are its corners, in metres.
 
     Raises:
-        ValueError: `name` is no board, it does not fit the paper, or the ending is none of the formats.
+        ValueError: `name` is no board, it does not fit the paper, or the suffix is none of the formats.
         FileExistsError: `file` exists, and `overwrite` is false.
 
     Examples:

@@ -100,7 +100,7 @@ def fitted(views: Sequence[View], model: str, count: int) -> Float[np.ndarray, "
 
 
 def reach(views: Sequence[View], numbers: Float[np.ndarray, " p"], rows: int, cols: int) -> float:
-    """How far from the principal point corners were observed, as part of the way to the farthest corner of the picture."""
+    """How far from the principal point corners were observed, relative to the distance of the farthest corner of the picture."""
     centre = numbers[2:4]
     far = max(np.linalg.norm(np.array(corner) - centre) for corner in ((0, 0), (cols, 0), (0, rows), (cols, rows)))
     return float(max(np.linalg.norm(view.corners.points - centre, axis=1).max() for view in views) / far)

@@ -28,8 +28,8 @@ from rsvideo.video import decode, metadata
 Model = Literal["brown-conrady", "fisheye"]
 
 _COVERED = 0.5  # of the picture, in which corners should be
-_REACHED = 0.8  # of the way to the picture's farthest corner, over which corners should tell the distortion
-_FOCAL_STD = 0.01  # of the focal length, beyond which a person is told to tilt the board more
+_REACHED = 0.8  # of the distance to the picture's farthest corner, over which corners should tell the distortion
+_FOCAL_STD = 0.01  # of the focal length, beyond which a note advises to tilt the board more
 _RMS_DIGITS = 4  # of pixels, that a profile keeps
 _FPS_DIGITS = 3
 
@@ -87,7 +87,7 @@ class LensMeasurement:
 
     @property
     def reach(self) -> float:
-        """How far out corners were observed, as part of the way from the principal point to the picture's farthest corner."""
+        """How far out corners were observed, relative to the distance from the principal point to the picture's farthest corner."""
         return reach(self.fit.views, self.fit.lens.numbers, self.selection.rows, self.selection.cols)
 
     @property

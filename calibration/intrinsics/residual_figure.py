@@ -13,6 +13,7 @@ from calibration.intrinsics.view_selection import Selection, fields
 _BLUE, _VERMILION, _GREY = "#0072B2", "#D55E00", "#8A8A8A"  # Okabe & Ito: apart for every eye
 _ARROW = 0.03  # of the picture's width, for the length of a usual residual
 _USUAL = 0.9  # quantile of the residuals' sizes that is drawn so long
+_LEAST_PX = 1e-9  # of a residual or a radius that divides
 _GROUPS, _GROUP = 12, 8  # groups of corners by radius at most, and corners in each at least, whose mean is drawn
 _NAME = 14  # letters of a view's name that fit below its bar
 
@@ -34,7 +35,7 @@ def draw(fit: Fit, selection: Selection, kind: str) -> bytes:
 def _vectors(panel: Axes, fit: Fit, selection: Selection) -> None:
     points = np.concatenate([view.corners.points for view in fit.views])
     rest = np.concatenate(fit.residuals)
-    usual = max(float(np.quantile(np.linalg.norm(rest, axis=1), _USUAL)), 1e-9)
+    usual = max(float(np.quantile(np.linalg.norm(rest, axis=1), _USUAL)), _LEAST_PX)
     longer = _ARROW * selection.cols / usual
     size = np.linalg.norm(rest, axis=1)
     arrows = panel.quiver(
@@ -55,7 +56,7 @@ def _vectors(panel: Axes, fit: Fit, selection: Selection) -> None:
 def _by_radius(panel: Axes, fit: Fit) -> None:
     points, rest = np.concatenate([view.corners.points for view in fit.views]), np.concatenate(fit.residuals)
     away = points - fit.lens.numbers[2:4]
-    radius = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+    radius = np.maximum(np.linalg.norm(away, axis=1), _LEAST_PX)
     outwards = (rest * away).sum(axis=1) / radius
     panel.plot(radius, outwards, ".", color=_BLUE, ms=3, alpha=0.5)
     order = np.argsort(radius)

@@ -1,4 +1,4 @@
-"""How surely a lens is known: standard deviations of its parameters."""
+"""How sure the numbers of a lens are: standard deviations of its parameters."""
 
 from collections.abc import Sequence
 

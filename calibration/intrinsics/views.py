@@ -20,6 +20,7 @@ MOST_SEARCHED = 240  # of a clip's pictures, evenly spread; searching more finds
 _CONTRAST = (0.05, 0.95)  # quantiles of the board's picture that stand for black and white
 _STEEPEST = 0.97  # quantile of the slopes that stands for edges: not the highest, which is noise
 _FLATTEST = 1e-3  # codes a pixel; keeps the width of no edge finite
+_LEAST_PEAK = 1e-6  # a black picture divides by this
 _SOBEL = 1 / 8  # makes OpenCV's Sobel filter a derivative per pixel
 _FLOW_WINDOW, _FLOW_LEVELS = (15, 15), 3  # px, and halvings: follows displacements of up to about 60 px between frames
 _FOLLOWED = 0.5  # of the corners must be followed for their speed to count
@@ -125,7 +126,7 @@ def _luma(picture: Picture) -> UInt8[np.ndarray, "rows cols"]:
     plane = picture.planes[0]
     if plane.dtype == np.uint8:
         return np.ascontiguousarray(plane)
-    top = max(float(plane.max()), 1e-6)
+    top = max(float(plane.max()), _LEAST_PEAK)
     return np.clip(plane.astype(np.float32) * (255 / top), 0, 255).astype(np.uint8)
 
 

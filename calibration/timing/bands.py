@@ -32,7 +32,7 @@ _TOO_FAST = 1.001  # times the bands' Nyquist frequency, which leaves room for r
 _DISAGREE = 5.0  # deviations between photographs
 _VAGUE = 0.05  # of the readout; a larger deviation is no answer
 _EDGE_ROWS = 1.0  # of the frame's height: resampling of the sensor's rows leaves half a one uncertain at either edge
-_SAME_PHASE = 0.02  # cycles a frame, by which bands of two lights must differ to be told apart
+_SAME_PHASE = 0.02  # cycles a frame, by which bands of two lights must differ to be distinguished
 
 
 @dataclass(frozen=True, kw_only=True)

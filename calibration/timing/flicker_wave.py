@@ -1,4 +1,4 @@
-"""The wave that a flickering light leaves in the logarithm of scanlines' light, told apart from the scene's rows.
+"""The wave that a flickering light leaves in the logarithm of scanlines' light, separated from the scene's rows.
 
 In a clip the bands wander by f (t_k+1 - t_k) cycles a frame while the scene stays. What frames share is taken out, and the wave that is
 left is fitted with phases that follow the frames' times within runs of a few frames, so that light and clock may drift slowly. The sign

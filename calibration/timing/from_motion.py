@@ -8,10 +8,11 @@ from calibration.timing.pair_motion import Pair
 from calibration.timing.readout_measurement import ReadoutMeasurement, counted, directions, of_footage, scanlines_are_rows
 from calibration.timing.self_calibration import explain
 from rsvideo.physics.shutter import Direction
-from rsvideo.progress import Observer, Progress
+from rsvideo.progress import Observer, Progress, within
 from rsvideo.restoration import tracks
 
 _TRACKING = 0.5  # of the work
+_LEAST_CURVATURE = 1e-30  # per s^2; a flat cost divides by this
 
 
 def from_motion(path: Path, *, rate: Fraction | None, direction: Direction | None, most: int, observer: Observer) -> ReadoutMeasurement:
@@ -26,9 +27,9 @@ def from_motion(path: Path, *, rate: Fraction | None, direction: Direction | Non
         cols=along,
         period=footage.period,
         downwards=directions(direction),
-        report=lambda done: observer(Progress(stage="trying readouts", fraction=_TRACKING + (1 - _TRACKING) * done)),
+        observer=within(observer, _TRACKING, 1.0),
     )
-    sharpness = f"the cost rises by 1/2 within {1e3 / max(explained.curvature, 1e-30) ** 0.5:.2g} ms of its lowest"
+    sharpness = f"the cost rises by 1/2 within {1e3 / max(explained.curvature, _LEAST_CURVATURE) ** 0.5:.2g} ms of its lowest"
     likelihood = f"a global shutter is less likely by {explained.over_global:.0f} in log-likelihood"
     return of_footage(
         footage,

@@ -15,6 +15,7 @@ from rsvideo.progress import Observer, ignore
 
 FLICKER_HZ = (20.0, 100e3)  # of lights that can be measured by
 MOST_FRAMES = 10_000  # of a clip
+FRAMES = 120  # of a clip that are used unless chosen: four or five seconds; origin: by trial
 
 
 def readout(
@@ -27,12 +28,12 @@ def readout(
     scanlines_total: int | None = None,
     frame_rate: Fraction | float | None = None,
     direction: Direction | str | None = None,
-    frames: int = 120,
+    frames: int = FRAMES,
     observer: Observer = ignore,
 ) -> ReadoutMeasurement | CannotTell:
     """Measure a rolling shutter's readout: the time from its first scanline to its last.
 
-    One of four methods is chosen by its argument. Best is `flicker`: an LED that flickers at a known 500 to 1000 Hz, close to a white
+    One of four methods is chosen by its argument. Best is `flicker`: an LED that flickers at an exact 500 to 1000 Hz, close to a white
     wall or the lens, filmed with a short exposure (Forssen & Ringaby, CVPR 2010).
 
     Args:

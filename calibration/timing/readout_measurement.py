@@ -10,7 +10,7 @@ from calibration.sources import by_name
 from rsvideo.physics.shutter import Direction
 from rsvideo.shooting.camera_profile import CameraProfile, Clock, Measured, Mode
 
-_CONFIDENCE = 2  # deviations either way: 19 times of 20
+_CONFIDENCE = 2  # deviations to either side: 19 times of 20
 _READOUT_DIGITS, _FPS_DIGITS = 9, 3  # of seconds and of frames a second, that a profile keeps
 
 
@@ -19,7 +19,7 @@ class ReadoutMeasurement:
     """The time from the opening of the first scanline to that of the one that would follow the last, of one camera mode."""
 
     value: float  # seconds
-    std: float | None  # seconds; None: not known
+    std: float | None  # seconds; None: not estimated
     direction: Direction | None  # as observed, over the picture as stored; None: not observed
     stated_direction: Direction | None = None  # as the caller states it, which a profile takes first
     how: str  # the method, in words
@@ -34,7 +34,7 @@ class ReadoutMeasurement:
 
     @property
     def confidence(self) -> tuple[float, float] | None:
-        """Seconds between which the readout lies, 19 times of 20: two standard deviations either way; None where none is known."""
+        """Seconds between which the readout lies, 19 times of 20: two standard deviations to either side; None where there is none."""
         if self.std is None:
             return None
         return max(self.value - _CONFIDENCE * self.std, 0.0), self.value + _CONFIDENCE * self.std

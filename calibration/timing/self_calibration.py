@@ -6,7 +6,7 @@ which begins later from row to row, so that how displacements change down a fram
 says nothing of t_r: it takes a hand's changes of pace.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from calibration.timing.cannot_tell import CannotTellError
 from calibration.timing.pair_motion import FEWEST_POINTS, Pair, summarise
 from calibration.timing.path_evidence import Chunk, PathFit, chunked, curvature, fit_path, likeliest
 from rsvideo.physics.shutter import Direction
+from rsvideo.progress import Observer, Progress, ignore
 
 FEWEST_PAIRS = 8  # of frames
 _LONGEST = 1.05  # of a frame's period, up to which a readout is tried
@@ -29,6 +30,7 @@ _VAGUE = 0.07  # of the readout; a larger deviation is no answer
 _VAGUE_GLOBAL = 0.02  # of a frame's period; the largest deviation with which a global shutter is recognised
 _GLOBAL = 3  # deviations, below which a readout is none
 _APART = 9.0  # mean square of deviations by which parts of a clip may disagree
+_CURVATURE_STEP = 0.25  # of the distance between readouts that are tried, over which the cost's curvature is measured; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,12 +54,11 @@ def explain(
     cols: int,
     period: float,
     downwards: tuple[Direction, Direction] = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP),
-    report: Callable[[float], object] = float,
+    observer: Observer = ignore,
 ) -> Explained:
     """The readout of a clip whose frames are `period` seconds apart; CannotTellError where its motion does not show it.
 
-    Rows and y count scanlines, in the first direction of `downwards`, and so do columns and x along them. `report` is given the fraction
-    of the work that is done.
+    Rows and y count scanlines, in the first direction of `downwards`, and so do columns and x along them.
     """
     motions = summarise(pairs, rows, cols)
     if len(motions) < FEWEST_PAIRS:
@@ -70,10 +71,10 @@ def explain(
     fits: list[PathFit] = []
     for step, readout in enumerate(grid):
         fits.append(fit_path(chunks, readout / rows, fits[-1:]))
-        report((step + 1) / (_TRIED + _REFINING))
+        _report(observer, (step + 1) / (_TRIED + _REFINING))
     spacing = float(grid[1] - grid[0])
     best = likeliest(chunks, max(fits, key=lambda fit: fit.value), spacing / rows)
-    report((_TRIED + _REFINED) / (_TRIED + _REFINING))
+    _report(observer, (_TRIED + _REFINED) / (_TRIED + _REFINING))
     readout = best.row_time * rows
     of_readout, std = _uncertainty(chunks, best, rows, spacing)
     distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
@@ -85,7 +86,7 @@ def explain(
     if not is_global and std > _VAGUE * abs(readout):
         given = f"{1e3 * abs(readout):.2g} ms give or take {1e3 * std:.2g} ms"
         raise CannotTellError(f"its motion shows only that the readout is short, {given}")
-    report(1.0)
+    _report(observer, 1.0)
     return Explained(
         readout=abs(readout),
         std=std,
@@ -96,6 +97,10 @@ def explain(
         readouts=grid,
         costs=np.array([best.value - fit.value for fit in fits]),
     )
+
+
+def _report(observer: Observer, fraction: float) -> None:
+    observer(Progress(stage="trying readouts", fraction=fraction))
 
 
 def _refuse_vague(readout: float, std: float, period: float) -> None:
@@ -111,7 +116,7 @@ def _refuse_vague(readout: float, std: float, period: float) -> None:
 
 def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float]:
     """The curvature of the cost in the readout, and its standard deviation, larger where parts of the clip disagree."""
-    step = spacing / rows / 4
+    step = _CURVATURE_STEP * spacing / rows
     total = curvature(chunks, fit, step)
     misfits = []
     for chunk in chunks:

@@ -1,4 +1,4 @@
-"""A wave in the logarithm of scanlines' light, fitted by least squares: how likely it is, and how surely its period is known.
+"""A wave in the logarithm of scanlines' light, fitted by least squares: how likely it is, and how sure its period is.
 
 The fit of H harmonics by least squares is nonlinear in nu, the cycles a row, alone. Its curvature, and how far parts of the material
 disagree, give the standard deviation.

@@ -1,4 +1,4 @@
-"""The most likely wave in runs of frames: searched over periods, in noise that is whitened as the wave becomes known."""
+"""The most likely wave in runs of frames: searched over periods, in noise that is whitened as the wave is found."""
 
 from dataclasses import replace
 

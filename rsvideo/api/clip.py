@@ -17,8 +17,7 @@ from rsvideo.api.result import Result, public
 from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
-from rsvideo.api.treatment import pictures_a_second
-from rsvideo.api.words import transfer_named
+from rsvideo.api.treatment import Stated
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import chunk as chunks
@@ -102,7 +101,8 @@ def deblur_clip(
         2 restored (216, 192, 3)
     """
     motion = None if trajectory is None or isinstance(trajectory, Track) else Path(trajectory)
-    shot = _footage(frames, shutter, camera, settings, rate, transfer, motion=motion, moved=trajectory is not None)
+    stated = Stated.of(shutter, camera, settings, rate=rate, transfer=transfer, motion=motion, moved=trajectory is not None)
+    shot = _footage(frames, stated)
     return _restored(shot, trajectory if isinstance(trajectory, Track) else None, observe or ignore)
 
 
@@ -131,7 +131,7 @@ def track(
     """
     if settings is not None and settings.frames == "cold":
         raise ValueError("frames must be together or alone to track a clip, got 'cold', which restores each frame as a still")
-    shot = _footage(frames, shutter, camera, settings, rate, transfer, motion=None, moved=False)
+    shot = _footage(frames, Stated.of(shutter, camera, settings, rate=rate, transfer=transfer))
     camera_found, found, times = shot.treatment.camera, [], []
     for chunk, pictures in shot.chunks():
         moving = chunks.movement(shot.treatment, pictures, shot.colour, None, observe or ignore)
@@ -151,24 +151,12 @@ def track(
     )
 
 
-def _footage(
-    frames: Source,
-    shutter: Shutter | None,
-    camera: Camera | None,
-    settings: Settings | None,
-    rate: float | str | Fraction | None,
-    transfer: str | None,
-    *,
-    motion: Path | None,
-    moved: bool,
-) -> Footage:
-    stated = shutter or Shutter(), camera or Camera(), settings or Settings()
-    curve, per_second = transfer_named(transfer), pictures_a_second(rate)
+def _footage(frames: Source, stated: Stated) -> Footage:
     if isinstance(frames, str | PathLike):
-        return sources.of_path(Path(fspath(frames)), *stated, rate=per_second, transfer=curve, motion=motion)
+        return sources.of_path(Path(fspath(frames)), stated)
     if isinstance(frames, Clip):
-        return sources.of_path(frames, *stated, rate=per_second, transfer=curve, motion=motion)
-    return sources.of_arrays(frames, *stated, rate=per_second, transfer=curve, motion=motion, moved=moved)
+        return sources.of_path(frames, stated)
+    return sources.of_arrays(frames, stated)
 
 
 def _restored(shot: Footage, given: Track | None, observe: Observer) -> Iterator[Result]:

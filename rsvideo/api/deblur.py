@@ -14,7 +14,7 @@ from rsvideo.api.result import Result, public
 from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
-from rsvideo.api.treatment import Prepared
+from rsvideo.api.treatment import Prepared, Stated
 from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.camera import Camera as RollingShutterCamera
 from rsvideo.physics.tone import Transfer
@@ -72,27 +72,24 @@ def deblur(
         Traceback (most recent call last):
         ValueError: image must hold linear light in [0, 1], got ... to ...; are they codes? uint8 and uint16 arrays are decoded
     """
-    stated = shutter or Shutter(), camera or Camera(), settings or Settings()
-    light, prepared = _prepared(image, *stated, transfer, moved=trajectory is not None)
+    light, prepared = _prepared(image, Stated.of(shutter, camera, settings, transfer=transfer, moved=trajectory is not None))
     path = _curve(trajectory, prepared.treatment.camera)
     result = methods.photograph(prepared.treatment, Frame(pixels=light.pixels, clipped=light.clipped), path, observe or ignore)
     latent = light.like_source(result.latent.astype(np.float32)) if result.verdict is Verdict.RESTORED else light.source.copy()
     return public(result, latent, camera=prepared.treatment.camera.intrinsics, notes=prepared.notes)
 
 
-def _prepared(
-    image: np.ndarray | Picture, shutter: Shutter, camera: Camera, settings: Settings, transfer: str | None, *, moved: bool
-) -> tuple[Light, Prepared]:
+def _prepared(image: np.ndarray | Picture, stated: Stated) -> tuple[Light, Prepared]:
     """The picture in linear light, and how it is restored."""
     of_file = isinstance(image, Picture)
     pixels = image.pixels if of_file else image
     rows, cols = arrays.checked("image", pixels).shape[:2]
-    named = arrays.curve(pixels, transfer)
+    named = arrays.curve(pixels, stated.transfer)
     if of_file:
         stored = treatment.Stored(name=str(image.path), rows=rows, cols=cols, exposure=image.exposure, focal_px=image.focal_px)
     else:
         stored = treatment.Stored(name="an array", rows=rows, cols=cols)
-    prepared = treatment.prepared(shutter, camera, settings, stored, moved=moved)
+    prepared = treatment.prepared(stated, stored)
     light = arrays.light("image", pixels, named or prepared.transfer or Transfer.SRGB, None if named else prepared.saturation)
     return replace(light, clipped=image.clipped.reshape(light.clipped.shape)) if of_file else light, prepared
 

@@ -1,5 +1,6 @@
 """Photographs and clips read from files, and photographs written."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -180,7 +181,7 @@ def write(
     """
     path = Path(path)
     kind = Format.of_output(path)
-    if path.exists() and not overwrite:
+    if os.path.lexists(path) and not overwrite:
         raise FileExistsError(f"{path} exists already; overwrite=True replaces it")
     curve = transfer_named(transfer)
     if isinstance(picture, Picture):

@@ -5,17 +5,13 @@ import tempfile
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
 from rsvideo.api import arrays, treatment
-from rsvideo.api.camera import Camera
 from rsvideo.api.files import Clip
-from rsvideo.api.settings import Settings
-from rsvideo.api.shutter import Shutter
-from rsvideo.physics.tone import Transfer
+from rsvideo.api.treatment import Stated
 from rsvideo.pipeline import clip_frames
 from rsvideo.pipeline.chunk import in_view, planned
 from rsvideo.pipeline.methods import Treatment
@@ -65,42 +61,25 @@ class Footage:
             yield chunk, held
 
 
-def of_path(
-    path: Path | Clip,
-    shutter: Shutter,
-    camera: Camera,
-    settings: Settings,
-    *,
-    rate: Fraction | None,
-    transfer: Transfer | None,
-    motion: Path | None,
-) -> Footage:
+def of_path(path: Path | Clip, stated: Stated) -> Footage:
     """The clip in a file or a folder; raises UnreadableError or ValueError before any work."""
     if isinstance(path, Clip):
-        path, rate, transfer = path.path, path.rate if rate is None else rate, transfer or path.chosen
-    task = treatment.of_path(path, shutter, camera, settings, rate=rate, transfer=transfer, motion=motion)
+        stated = replace(stated, rate=path.rate if stated.rate is None else stated.rate, transfer=stated.transfer or path.chosen)
+        path = path.path
+    task = treatment.of_path(path, stated)
     return Footage(
         pictures=lambda: clip_frames.pictures(task),
         colour=task.stream.colour,
         treatment=task.treatment,
         notes=task.notes,
         kind=None,
-        motion=motion,
+        motion=stated.motion,
     )
 
 
-def of_arrays(
-    frames: Frames,
-    shutter: Shutter,
-    camera: Camera,
-    settings: Settings,
-    *,
-    rate: Fraction | None,
-    transfer: Transfer | None,
-    motion: Path | None,
-    moved: bool,
-) -> Footage:
+def of_arrays(frames: Frames, stated: Stated) -> Footage:
     """The clip in arrays of one shape and kind; raises TypeError or ValueError for what the first of them shows, before any work."""
+    rate, transfer = stated.rate, stated.transfer
     if rate is None:
         raise ValueError("rate must be given, arrays do not say how many frames there are a second; rate=24 or rate='24000/1001'")
     if iter(frames) is frames:
@@ -115,7 +94,7 @@ def of_arrays(
     codes = arrays.is_codes(first)
     arrays.curve(first, transfer)  # which light has not
     size = treatment.Stored(name="an array", rows=stored.shape[0], cols=stored.shape[1], rate=rate)
-    found = treatment.prepared(shutter, camera, settings, size, moved=moved)
+    found = treatment.prepared(stated, size)
     meaning = sequence.colour_of("png" if codes else "exr", _planes("frame 0", first, first))
     if codes and (curve := transfer or found.transfer):
         meaning = replace(meaning, transfer=curve, saturation=None if transfer else found.saturation)
@@ -126,7 +105,12 @@ def of_arrays(
             yield Picture(planes=planes, index=k, pts=k, duration=1, time=float(k / rate))
 
     return Footage(
-        pictures=pictures, colour=meaning, treatment=found.treatment, notes=found.notes, kind=(first.dtype, first.ndim), motion=motion
+        pictures=pictures,
+        colour=meaning,
+        treatment=found.treatment,
+        notes=found.notes,
+        kind=(first.dtype, first.ndim),
+        motion=stated.motion,
     )
 
 

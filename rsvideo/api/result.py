@@ -12,6 +12,8 @@ from rsvideo.physics.psf import psf_from_trace
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 _INSTANTS = 400  # of one exposure, that a PSF is drawn from
+_GRID = (5, 7)  # PSFs down and across, unless chosen; as in the figures
+_MOST_POINTS = 1000  # PSFs down or across
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +56,7 @@ class Result:
         """Whether the picture was restored, rather than left as it was."""
         return self.verdict is Verdict.RESTORED
 
-    def psfs(self, grid: tuple[int, int] = (5, 7)) -> Float[np.ndarray, "down across k k"]:
+    def psfs(self, grid: tuple[int, int] = _GRID) -> Float[np.ndarray, "down across k k"]:
         """The blur that the trajectory makes across the picture, at the centres of `grid` equal parts of it.
 
         Args:
@@ -73,8 +75,8 @@ class Result:
             array([0.  , 0.13, 0.25, 0.25, 0.25, 0.13, 0.  ])
         """
         down, across = grid
-        if min(grid) < 1 or max(grid) > 1000:
-            raise ValueError(f"grid must be from 1 to 1000 points down and across, got {grid}")
+        if min(grid) < 1 or max(grid) > _MOST_POINTS:
+            raise ValueError(f"grid must be from 1 to {_MOST_POINTS} points down and across, got {grid}")
         y = np.repeat((np.arange(down) + 0.5) * self.camera.rows / down - 0.5, across)
         x = np.tile((np.arange(across) + 0.5) * self.camera.cols / across - 0.5, down)
         traces = self._traces(x, y)

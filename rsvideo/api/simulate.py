@@ -15,13 +15,11 @@ from rsvideo.physics import staging
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.simulate import SAMPLES, extent, render
+from rsvideo.physics.simulate import MOST_GAIN, SAMPLES, USUAL_NOISE, extent, render
 from rsvideo.physics.staging import Motion, Stage
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting import profiles
 from rsvideo.shooting.profiles import Facts
-
-USUAL_NOISE = 0.003  # of white: that of a phone at a low sensitivity, about
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,8 +157,8 @@ def _staged(
 
 
 def _checked_gain(gain: float) -> float:
-    if not (math.isfinite(gain) and 0 < gain <= 1000):
-        raise ValueError(f"gain must lie in (0, 1000], got {gain:g}")
+    if not (math.isfinite(gain) and 0 < gain <= MOST_GAIN):
+        raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
     return gain
 
 

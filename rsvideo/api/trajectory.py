@@ -12,6 +12,7 @@ from rsvideo.physics.trajectory import Trajectory as Curve
 
 _TERMS = (8, 512)  # of a spline through samples: the fewest and the most
 _DENSE = 4  # positions a term at which the spline follows the samples
+_SLACK = 1e-3  # of a picture's interval, that a motion may lack: rounding of its times
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,7 +86,7 @@ class Trajectory:
     def check_covers(self, interval: tuple[float, float]) -> None:
         """Refuse a motion that does not reach over a picture's whole interval."""
         (t0, t1), (start, end) = self.interval, interval
-        slack = 1e-3 * (end - start)
+        slack = _SLACK * (end - start)
         if t0 > start + slack or t1 < end - slack:
             raise ValueError(
                 f"trajectory must cover the picture's whole interval, {start:g} to {end:g} s, it covers {t0:g} to {t1:g} s;"

@@ -8,6 +8,7 @@ from pathlib import Path
 from rsvideo.api.camera import Camera
 from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
+from rsvideo.api.words import transfer_named
 from rsvideo.config import media, sidecar
 from rsvideo.config.method import Method
 from rsvideo.config.quantity import frame_rate
@@ -19,6 +20,41 @@ from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.prepare import Task
 from rsvideo.shooting import profiles, timing
 from rsvideo.shooting.fact import Fact
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """What a user states of a photograph or a clip, beside its pictures."""
+
+    shutter: Shutter
+    camera: Camera
+    settings: Settings
+    rate: Fraction | None  # frames a second
+    transfer: Transfer | None  # what codes mean
+    motion: Path | None  # the file that gives it
+    moved: bool  # whether the motion is given, in a file or as a value
+
+    @staticmethod
+    def of(
+        shutter: Shutter | None,
+        camera: Camera | None,
+        settings: Settings | None,
+        *,
+        rate: float | str | Fraction | None = None,
+        transfer: str | None = None,
+        motion: Path | None = None,
+        moved: bool = False,
+    ) -> "Stated":
+        """The arguments of the public functions; ValueError where a word or a number cannot be meant."""
+        return Stated(
+            shutter=shutter or Shutter(),
+            camera=camera or Camera(),
+            settings=settings or Settings(),
+            rate=pictures_a_second(rate),
+            transfer=transfer_named(transfer),
+            motion=motion,
+            moved=moved,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +79,9 @@ class Prepared:
     notes: tuple[str, ...]
 
 
-def prepared(shutter: Shutter, camera: Camera, settings: Settings, stored: Stored, *, moved: bool) -> Prepared:
-    """Timing, lens and tone of pictures that are arrays; `moved` says that their motion is given. ValueError where something is missing."""
+def prepared(stated: Stated, stored: Stored) -> Prepared:
+    """Timing, lens and tone of pictures that are arrays; ValueError where something is missing."""
+    shutter, camera = stated.shutter, stated.camera
     rate = None if stored.rate is None else float(stored.rate)
     facts, notes = None, ()
     if camera.profile is not None:
@@ -66,12 +103,12 @@ def prepared(shutter: Shutter, camera: Camera, settings: Settings, stored: Store
     )
     focal = None if stored.focal_px is None else Fact(value=stored.focal_px, source="EXIF")
     focal_notes = () if focal is None else (f"focal length {focal.value:.0f} px from EXIF's 35 mm equivalent, for an uncropped picture",)
-    request = _request(Path(stored.name), shutter, camera, settings, motion=Path("given") if moved else None)
+    request = _request(Path(stored.name), replace(stated, motion=Path("given") if stated.moved else None))
     resolved = timing.resolve(request.camera, sources)
     lens, more = prepare.camera_of(request, sources, facts, focal, focal_notes)
     treatment = Treatment(
         method=Method.RSVIDEO,
-        settings=settings.core(),
+        settings=stated.settings.core(),
         block_rows=None,
         gyro=None,
         camera=physics.Camera(timing=resolved.timing, intrinsics=camera.bent(lens.intrinsics), noise=lens.sensor_noise),
@@ -85,21 +122,12 @@ def prepared(shutter: Shutter, camera: Camera, settings: Settings, stored: Store
     )
 
 
-def of_path(
-    path: Path,
-    shutter: Shutter,
-    camera: Camera,
-    settings: Settings,
-    *,
-    rate: Fraction | None,
-    transfer: Transfer | None,
-    motion: Path | None,
-) -> Task:
+def of_path(path: Path, stated: Stated) -> Task:
     """A clip's file or folder, as the command prepares it; nothing is written to the output that it is given."""
     if not media.is_clip(path):
         raise ValueError(f"{path} is taken for a photograph, clips are .mp4, .mov, .mkv or folders; deblur(read(path)) takes photographs")
-    task = prepare.prepare(_request(path, shutter, camera, settings, rate=rate, transfer=transfer, motion=motion))
-    lens = sidecar.Camera.of(camera.bent(task.camera.intrinsics), task.camera.source, task.camera.sensor_noise)
+    task = prepare.prepare(_request(path, stated))
+    lens = sidecar.Camera.of(stated.camera.bent(task.camera.intrinsics), task.camera.source, task.camera.sensor_noise)
     return replace(task, camera=lens)
 
 
@@ -108,32 +136,24 @@ def pictures_a_second(rate: float | str | Fraction | None) -> Fraction | None:
     return None if rate is None else frame_rate(str(rate))
 
 
-def _request(
-    source: Path,
-    shutter: Shutter,
-    camera: Camera,
-    settings: Settings,
-    *,
-    rate: Fraction | None = None,
-    transfer: Transfer | None = None,
-    motion: Path | None = None,
-) -> Request:
+def _request(source: Path, stated: Stated) -> Request:
     """The command's request; its output is never written."""
+    shutter, camera, settings = stated.shutter, stated.camera, stated.settings
     return Request.model_validate(
         {
             "source": source,
             "output": Path(tempfile.gettempdir()) / "rsvideo-not-written.mkv",
             "overwrite": True,
-            "input": {"rate": None if rate is None else str(rate)},
+            "input": {"rate": None if stated.rate is None else str(stated.rate)},
             "camera": {
                 "profile": camera.profile,
                 "exposure": shutter.exposure,
                 "readout": shutter.readout,
                 "direction": shutter.direction,
                 "focal_px": camera.focal_px,
-                "transfer": transfer,
+                "transfer": stated.transfer,
             },
-            "motion": settings.of_motion() | {"trajectory": motion},
+            "motion": settings.of_motion() | {"trajectory": stated.motion},
             "deblur": settings.of_deblur(),
             "encoding": {"codec": "ffv1"},  # which holds all there is
         }

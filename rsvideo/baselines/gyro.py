@@ -1,6 +1,6 @@
 """The motion of a clip from a gyroscope's log: what the paper recommends where one is there, as on drones and in phones.
 
-A log's clock and axes are seldom the camera's. Both are found from points that move between frames: a point seen at the times t
+A log's clock and axes are seldom the camera's. Both are found from points that move between frames: a point observed at the times t
 and t' moves by L A (P(t' + tau) - P(t + tau)), with P the gyroscope's integrated rates, L the lever of the point, and the offset
 tau and the axes A (one of 24 rotations by right angles) sought: coarsely where the rates that tracks show agree with the log's,
 then where the points themselves do.
@@ -52,6 +52,13 @@ _SAMPLES = 4  # of an exposure, over which a point's pose is averaged
 _RADIUS = 0.25  # of the frame's diagonal: how far from the middle roll is taken to move a point
 _SCALE, _SHARE = 0.5, 0.1  # px, and of the points' own motion, beyond which a point counts less (Cauchy); origin: by trial
 DRIFT, SHARE = 0.3, 0.05  # px a frame, and of a frame's motion, by which a log's path may be wrong
+_HALF_STEPS = 4  # half of the integration steps for each of the log's samples, so that their number is even; origin: by trial
+_FEWEST_STEPS = 16  # of an integration, however short; origin: by trial
+_INSTANTS = 129  # of a frame's interval, at which its own path is sampled; origin: by trial
+_FIT_POINTS = 8  # for each coefficient of a clip's path, at which a log's poses are read; origin: by trial
+_LAG = 1e-3  # s, half of the difference by which the residual's slope over the offset is measured; origin: by trial
+_LEAST_SLOPE = 1e-12  # (px/s)^2 of all points; keeps the deviation finite where the camera rests
+_COARSE = 4 * _CANDIDATES  # best pairs of offset and axes that are handed on from the search on the grid; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +95,7 @@ def movement(
     steps = np.zeros((len(begins), 3))
     for k in np.flatnonzero(tied):
         first, second = begins[k : k + 2] + offset + timing.middle
-        between = max(2 * round(4 * (second - first) / log.step), 16)
+        between = max(2 * round(_HALF_STEPS * (second - first) / log.step), _FEWEST_STEPS)
         ends = gyro.integrate(log, start=float(first), duration=float(second - first), steps=between)[[0, -1]]
         turn = (Rotation.from_rotvec(ends[0]).inv() * Rotation.from_rotvec(ends[1])).as_rotvec()
         steps[k] = gyro.poses_from_angles(turn[None], camera=lens)[0]
@@ -103,7 +110,7 @@ def refined(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> Move
     everywhere = np.ones(len(run.begins), bool)
     found = clip_motion.refined_by_blur(run, clip_motion.path_from_tracks(run, start), everywhere)
     before, now = (clip_motion.movement_of(run, path.spline, everywhere) for path in (start, found))
-    t = np.linspace(*interval, 129)
+    t = np.linspace(*interval, _INSTANTS)
     paths = []
     for fine, old, new in zip(plain.within, before.within, now.within, strict=True):
         assert fine is not None
@@ -127,7 +134,7 @@ def log_path(log: GyroLog, run: Run, *, offset: float, axes: str = "XYZ") -> Cam
     log, timing = gyro.facing(log, axes), run.camera.timing
     check_cover(log, run.begins, timing, offset)
     path = blank(run.begins, timing, run.axes)
-    t = np.linspace(path.t0, path.t1, 8 * len(path.coefficients))
+    t = np.linspace(path.t0, path.t1, _FIT_POINTS * len(path.coefficients))
     angles = gyro.integrals(log)(np.clip(t + offset, 0, log.times[-1]))
     poses = gyro.poses_from_angles(angles - angles[len(t) // 2], camera=run.source_camera.intrinsics)[:, : run.axes]
     found = fit(path, t, run.direction.poses_along_scanlines(poses))
@@ -217,7 +224,7 @@ def check_cover(log: GyroLog, begins: np.ndarray, timing: ShutterTiming, offset:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sights:
-    """Points seen twice, each at its scanline's times: displacements = levers @ A (turned(second) - turned(first))."""
+    """Points observed twice, each at its scanline's times: displacements = levers @ A (turned(second) - turned(first))."""
 
     first: Float[np.ndarray, "points samples"]  # seconds of the clip
     second: Float[np.ndarray, "points samples"]
@@ -267,9 +274,8 @@ class _Sights:
 
     def spread(self, offset: float, matrix: Float[np.ndarray, "3 3"], residual: float) -> float:
         """s, of the offset if points err by `residual` independently of each other, but for those of one frame."""
-        h = 1e-3
-        slope = (self.apart(offset + h, matrix) - self.apart(offset - h, matrix)) / (2 * h)
-        return residual * math.sqrt(_POINTS / max(float((slope**2).sum()), 1e-12))
+        slope = (self.apart(offset + _LAG, matrix) - self.apart(offset - _LAG, matrix)) / (2 * _LAG)
+        return residual * math.sqrt(_POINTS / max(float((slope**2).sum()), _LEAST_SLOPE))
 
 
 def _coarse(log: GyroLog, run: Run, turns: Sequence[str], low: float, high: float) -> list[tuple[float, str]]:
@@ -302,4 +308,4 @@ def _coarse(log: GyroLog, run: Run, turns: Sequence[str], low: float, high: floa
             found.append((float(left[k]), float(offsets[k]), turn))
             left[max(0, k - round(ANOTHER / _GRID)) : k + round(ANOTHER / _GRID) + 1] = np.inf
     found.sort()
-    return [(tau, turn) for _, tau, turn in found[: 4 * _CANDIDATES]]
+    return [(tau, turn) for _, tau, turn in found[:_COARSE]]

@@ -46,6 +46,8 @@ TOLERANCE = 0.25  # px, a tile's error at its edge
 MOST = 1000  # poses whose weights are sought at once
 LIKELY = 1.0  # poses, of the Gaussian by which poses next to the density are ranked
 GRID = 3  # PSFs down and across that are reported
+_EDGE = 1.001  # px; a position farther inside than this has a next pixel to be interpolated with
+_SMALLEST = 8  # px, either side of a reduced picture
 DENSITY = KernelSettings(  # origin: by trial
     ridge=0.1, sparsity=1.0, last_sparsity=0.5, finest_steps=6, floor=0.03
 )
@@ -151,7 +153,7 @@ def kernels_from(density: Density, lens: Intrinsics, x: float, y: float, size: i
     poses = density.poses()
     count = len(poses)
     moved = turned(lens, np.full(count, x), np.full(count, y), poses)
-    at = np.clip(size // 2 - moved, 0, size - 1.001)  # what a pixel samples at +d blurs towards -d
+    at = np.clip(size // 2 - moved, 0, size - _EDGE)  # what a pixel samples at +d blurs towards -d
     first = np.floor(at).astype(int)
     part = at - first
     rows, values = [], []
@@ -225,4 +227,4 @@ def _scaled(lens: Intrinsics, scale: float) -> Intrinsics:
 
 
 def _size(shape: tuple[int, ...], scale: float) -> tuple[int, int]:
-    return max(8, round(shape[0] * scale)), max(8, round(shape[1] * scale))
+    return max(_SMALLEST, round(shape[0] * scale)), max(_SMALLEST, round(shape[1] * scale))

@@ -29,6 +29,9 @@ CONTEXT = 24  # scanlines restored beyond a block on either side and its kernel,
 REFINEMENTS = 6  # Gauss-Newton steps of an alignment, and once more with outliers weighted down
 OUTLIER = 4  # times the typical squared difference, at which a pixel counts half
 WANDERED = 2  # px; a refinement that leads farther from its start is not believed
+_TINY_POWER = 1e-12  # of gradients; an area without texture divides by this
+_TINY_DIFFERENCE = 1e-8  # linear light squared; blocks that agree exactly divide by this
+_RIDGE, _LEAST_RIDGE = 1e-6, 1e-9  # of the normal matrix: relative to its trace, and absolute; keeps a step finite without texture
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,10 +129,12 @@ def displacement(one: Float[np.ndarray, "rows cols"], other: Float[np.ndarray, "
         difference = moved(other, -shift) - one
         if step == REFINEMENTS:
             power = window * (gx * gx + gy * gy)
-            weight = window / (1 + difference**2 / (OUTLIER * (power * difference**2).sum() / (power.sum() + 1e-12) + 1e-8))
+            weight = window / (
+                1 + difference**2 / (OUTLIER * (power * difference**2).sum() / (power.sum() + _TINY_POWER) + _TINY_DIFFERENCE)
+            )
         normal = np.array([[(weight * a * b).sum() for b in (gx, gy)] for a in (gx, gy)])
         right = np.array([(weight * a * difference).sum() for a in (gx, gy)])
-        shift = shift - np.linalg.solve(normal + (1e-6 * np.trace(normal) + 1e-9) * np.eye(2), right)
+        shift = shift - np.linalg.solve(normal + (_RIDGE * np.trace(normal) + _LEAST_RIDGE) * np.eye(2), right)
     return shift if np.abs(shift - best).max() < WANDERED else best
 
 

@@ -1,1 +1,1 @@
-"""Many clips and photographs: what is asked for, what it comes to, the work on all cores, and a ledger that survives anything."""
+"""Many clips and photographs: the requests, what they come to, the work on all cores, and a ledger that survives anything."""

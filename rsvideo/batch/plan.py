@@ -1,6 +1,8 @@
 """From a job's file to one request per photograph and clip, and what each comes to."""
 
 import glob
+import hashlib
+import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -9,17 +11,21 @@ from pathlib import Path
 from typing import Any
 
 from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
-from rsvideo.config import yaml
+from rsvideo.batch.recognition import relative
+from rsvideo.config import names, patterns, yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_clip
+from rsvideo.config.placing import real
 from rsvideo.config.request import Request, Sections
+from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline import deblur, fingerprint
+from rsvideo.pipeline import deblur, demand, fingerprint
 from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import prepare
 
 MOST_SOURCES = 10_000
+_LONGEST_STEM, _TELLING = 40, 8  # characters of a folder's name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +42,7 @@ class Batch:
 
     folder: Path  # of the results
     working: Path  # of what is kept until all is done
+    job: str  # the job's file, relative to the folder
     items: tuple[Item, ...]
     report: Report
 
@@ -48,13 +55,14 @@ class Planned:
     timing: ShutterTiming
     timing_source: str
     notes: tuple[str, ...]
+    first: int
     frames: int
     rows: int
     cols: int
     seconds: float  # a rough guess at the work
     bytes: int  # of disk, while it lasts
-    settings: str  # fingerprints
-    source: str
+    overwrite: bool  # whatever stands there; the request's own is true of the job's own results too
+    mark: Mark
 
     def values(self, chunks: Sequence[Chunk]) -> dict[str, Any]:
         """The plan as plain values."""
@@ -93,16 +101,19 @@ def read(path: Path, sets: Sequence[str] = (), *, overwrite: bool = False) -> Ba
     report = job.report.model_copy(update=wanted.report.model_dump(exclude_unset=True))
     folder = path.parent / output.folder
     items = _without_results(_items(job, wanted, positions, folder, output.name, overwrite=overwrite))
-    _check_apart(items)
-    return Batch(folder=folder, working=folder / f".rsvideo-{path.stem}", items=tuple(items), report=report)
+    _check_results(items, path)
+    name = relative(path, folder)
+    own = hashlib.sha256(name.encode()).hexdigest()[:_TELLING]  # jobs of one name in different folders do not share what they keep
+    working = folder / f".rsvideo-{path.stem[:_LONGEST_STEM]}-{own}"
+    return Batch(folder=folder, working=working, job=name, items=tuple(items), report=report)
 
 
-def settled(batch: Batch, ours: Callable[[str], bool]) -> list["Planned | Unreadable"]:
-    """Open all sources and answer every question; `ours` says whether an output of that name was written by this very job.
+def settled(batch: Batch, ours: Callable[[Request], bool]) -> list["Planned | Unreadable"]:
+    """Open all sources and answer every question; `ours` says whether what stands under a request's names was written by this very job.
 
     A damaged source does not hold up the others; a wrong request (ConfigError) or an output that exists (FileExistsError) does.
     """
-    plans = [_settled(item, ours=ours(item.request.output.name)) for item in batch.items]
+    plans = [_settled(item, batch.job, ours=ours(item.request)) for item in batch.items]
     taken: dict[Path, Planned] = {}
     for plan in plans:
         if isinstance(plan, Planned) and (other := taken.setdefault(plan.request.record, plan)) is not plan:
@@ -116,10 +127,11 @@ def chunks(plan: Planned) -> tuple[Chunk, ...]:
     return tuple(deblur.chunks(prepare(plan.request)))
 
 
-def _settled(item: Item, *, ours: bool) -> "Planned | Unreadable":
+def _settled(item: Item, job: str, *, ours: bool) -> "Planned | Unreadable":
     request = item.request.replaced(overwrite=item.request.overwrite or ours)
     try:
         task = prepare(request)
+        demand.check(task)
         settings, source = _fingerprints(request, task.timing)
         seconds, size = task.estimate()
     except FileExistsError as error:
@@ -133,13 +145,14 @@ def _settled(item: Item, *, ours: bool) -> "Planned | Unreadable":
         timing=task.timing,
         timing_source=task.timing_source,
         notes=tuple(task.notes),
+        first=task.first,
         frames=task.frames,
         rows=task.rows,
         cols=task.cols,
         seconds=float(seconds),
         bytes=int(size),
-        settings=settings,
-        source=source,
+        overwrite=item.request.overwrite,
+        mark=Mark(job=job, input=relative(request.source, request.output.parent), settings=settings, source=source),
     )
 
 
@@ -184,36 +197,49 @@ def _sources(clip: Clip, number: int, positions: Positions) -> Iterator[tuple[tu
         path = folder / pattern
         if not pattern.strip() or "\0" in pattern:
             raise ConfigError(positions.fault(place, f"must name a clip or a photograph, got {shown(pattern)}"))
-        if path.exists():
+        if os.path.exists(path):  # noqa: PTH110 # Path.exists raises on a name that is too long
             yield place, path, True
         elif not glob.has_magic(pattern):
             raise UnreadableError(positions.fault(place, f"{path} does not exist; names are relative to the folder of the job's file"))
         else:
-            found = sorted(islice(glob.iglob(pattern, root_dir=folder, recursive=True), MOST_SOURCES + 1))  # noqa: PTH207 # Path.glob refuses "/..."
+            try:
+                found = sorted(set(islice(patterns.matching(pattern, folder), MOST_SOURCES + 1)))
+            except ValueError as error:
+                raise ConfigError(positions.fault(place, str(error))) from error
             if not found:
                 raise ConfigError(positions.fault(place, f"nothing in {folder.absolute()} matches {shown(pattern)}"))
             if len(found) > MOST_SOURCES:
                 raise ConfigError(positions.fault(place, f"{shown(pattern)} must match at most {MOST_SOURCES} files"))
-            for name in found:
-                yield place, folder / name, False
+            for each in found:
+                yield place, each, False
 
 
 def _without_results(items: Iterator[tuple[Item, bool]]) -> list[Item]:
     """A pattern such as *.mp4 does not mean what the job itself has written beside its sources."""
     all_of_them = list(items)
-    by_result = {item.request.output.resolve(): item for item, _ in all_of_them}
-    return [each for each, named in all_of_them if named or by_result.get(each.request.source.resolve()) in (None, each)]
+    by_result = {real(item.request.output): item for item, _ in all_of_them}
+    return [each for each, named in all_of_them if named or by_result.get(real(each.request.source)) in (None, each)]
 
 
-def _check_apart(items: Sequence[Item]) -> None:
+def _check_results(items: Sequence[Item], job: Path) -> None:
+    """Refuse names of results that cannot be, and those of sources, of each other and of anything else that the job reads."""
     taken: dict[Path, Item] = {}
-    sources = {item.request.source.resolve(): item for item in items}
+    sources = {real(item.request.source): item for item in items}
+    inputs = {real(path) for item in items for path in item.request.inputs} | {real(job)}
     for item in items:
         output = item.request.output
+        try:
+            names.check(*item.request.files)
+        except ValueError as error:
+            raise ConfigError(f"{item.where}: {error}") from error
         if (other := taken.setdefault(output, item)) is not item:
             raise ConfigError(
                 f"{item.where}: {item.request.source} would write {output}, as {other.request.source} does ({other.where});"
                 " each source needs a name of its own: {folder} in output.name stands for the source's folder"
             )
-        if (other := sources.get(output.resolve())) is not None:
+        if (other := sources.get(real(output))) is not None:
             raise ConfigError(f"{item.where}: {output} is the result of {item.request.source} and a source too ({other.where})")
+        if (path := next((path for path in item.request.files if real(path) in inputs), None)) is not None:
+            raise ConfigError(
+                f"{item.where}: {path} would be written with the result of {item.request.source}, and is read by this job too"
+            )

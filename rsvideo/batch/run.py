@@ -1,6 +1,7 @@
 """The work itself: chunks of all clips in one queue, each kept as soon as it is done."""
 
 import contextlib
+import os
 import secrets
 import time
 from collections.abc import Callable, Sequence
@@ -8,11 +9,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from rsvideo.batch.ledger import Ledger
+from rsvideo.batch import recognition
+from rsvideo.batch.ledger import Entry, Ledger
 from rsvideo.batch.plan import Planned, Unreadable
-from rsvideo.batch.workers import Crew, Cut, Failed, Finish, Order, Restore
+from rsvideo.batch.workers import Crew, Cut, Failed, Finish, Order, Restore, failed
+from rsvideo.config.placing import place, uninterrupted
 from rsvideo.pipeline import fingerprint
-from rsvideo.pipeline.pieces import Chunk, Outcome
+from rsvideo.pipeline.pieces import Chunk, Finished
 from rsvideo.progress import Progress
 
 Kind = Literal["resumed", "stage", "frame", "chunk", "retry", "finished", "failed"]
@@ -36,7 +39,7 @@ class Result:
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something happened: the machine's way to follow a run. `done` and `frames` count frames of the whole batch."""
+    """Something happened in a run; machines follow a run by its events. `done` and `frames` count frames of the whole batch."""
 
     event: Kind
     output: str
@@ -53,7 +56,7 @@ class _Clip:
     plan: Planned
     chunks: tuple[Chunk, ...] = ()
     records: dict[int, str] = field(default_factory=dict)
-    under_way: dict[int, float] = field(default_factory=dict)  # frames done of chunks that are not
+    in_progress: dict[int, float] = field(default_factory=dict)  # frames done of chunks that are not
     result: Result | None = None
 
     @property
@@ -66,7 +69,7 @@ class _Clip:
         if self.result is not None:
             return self.plan.frames
         kept = sum(chunk.frames for chunk in self.chunks if chunk.index in self.records)
-        return min(self.plan.frames, kept + sum(self.under_way.values()))
+        return min(self.plan.frames, kept + sum(self.in_progress.values()))
 
 
 def carry_out(
@@ -116,25 +119,47 @@ class _Run:
 
     def take_up(self, clip: _Clip) -> None:
         """Go on where an earlier run ended, as far as what it left can be trusted."""
-        entry = self.ledger.entry(clip.name)
-        if entry is not None and (entry.settings, entry.source) != (clip.plan.settings, clip.plan.source):
-            other = "its source has" if entry.source != clip.plan.source else "its settings have"
-            self.tell("resumed", clip, f"{other} changed; it is done anew")
-            entry = None
-        if entry is None:
-            self.ledger.begin(clip.name, clip.plan.settings, clip.plan.source)
+        request, mark = clip.plan.request, clip.plan.mark
+        entry, fault = recognition.owned(request, mark.job, self.ledger), None
+        if self.take_over(clip, entry):
+            return
+        if entry is None or entry.settings is None:
+            pass
+        elif (entry.settings, entry.source) != (mark.settings, mark.source):
+            fault = f"its {'source has' if entry.source != mark.source else 'settings have'} changed"
         elif entry.result is not None:
-            if entry.result["stamp"] == _stamp(clip.plan.request.output) and clip.plan.request.record.is_file():
-                clip.result = Result(**{**entry.result["result"], "notes": tuple(entry.result["result"]["notes"])})
-                self.tell("resumed", clip, "is done already")
-                return
-            self.tell("resumed", clip, "its result is missing or was changed; it is done anew")
-            self.ledger.begin(clip.name, clip.plan.settings, clip.plan.source)
-        elif entry.chunks is not None:
+            fault = "its result is missing or was changed"
+        elif entry.chunks is not None and _covers(entry.chunks, clip.plan):
             self.lay_out(clip, entry.chunks)
             self.tell("resumed", clip, f"{len(clip.records)} of {len(clip.chunks)} chunks are done already")
             return
-        self.queue.append(Cut(request=clip.plan.request))
+        elif entry.chunks is not None:
+            fault = "the chunks of its ledger are not those of the clip"
+        if fault is not None:
+            self.tell("resumed", clip, f"{fault}; it is done anew")
+        ours, stamps = (entry.ours, entry.stamps) if entry else ((), {})
+        self.ledger.begin(clip.name, Entry(input=mark.input, settings=mark.settings, source=mark.source, ours=ours, stamps=stamps))
+        self.queue.append(Cut(request=request))
+
+    def take_over(self, clip: _Clip, entry: Entry | None) -> bool:
+        """Whether a clip is done already, by its ledger or, where that was lost, by its sidecar."""
+        request, mark = clip.plan.request, clip.plan.mark
+        if entry is not None and entry.result is not None and (entry.settings, entry.source) == (mark.settings, mark.source):
+            held, found = entry.stamps.get(request.output.name), recognition.stamps([request.output]).get(request.output.name)
+            if held is None or held != found or not request.record.is_file():
+                return False
+            clip.result = Result(**{**entry.result, "notes": tuple(entry.result["notes"])})
+        elif self.ledger.recovered and not self.ledger.fresh and (written := recognition.finished(request, mark)):
+            source, output = str(request.source), str(request.output)
+            counts = {"restored": written.restored, "left": written.left, "failed": written.failed, "seconds": written.seconds}
+            clip.result = Result(source=source, output=output, notes=written.notes, **counts)
+            ours = (*written.sha256.values(), *recognition.digests([request.record]))
+            self.ledger.begin(clip.name, Entry(input=mark.input, settings=mark.settings, source=mark.source, ours=ours))
+            self.ledger.done(clip.name, asdict(clip.result), recognition.stamps(request.files))
+        else:
+            return False
+        self.tell("resumed", clip, "is done already")
+        return True
 
     def lay_out(self, clip: _Clip, chunks: tuple[Chunk, ...]) -> None:
         records = self.ledger.records(clip.name)
@@ -149,23 +174,55 @@ class _Run:
     def finish_if_complete(self, clip: _Clip) -> None:
         if len(clip.records) < len(clip.chunks):
             return
-        request = clip.plan.request
-        if not request.overwrite and request.output.exists():
-            self.fail(clip, Failed(words=f"{request.output} has appeared meanwhile; give --overwrite to replace it"))
+        request, mark = clip.plan.request, clip.plan.mark
+        if self.is_taken(clip):
             return
-        if _source(request.source) != clip.plan.source:
+        if _source(request.source) != mark.source:
             self.fail(clip, Failed(words=f"{request.source} changed while it was read", unreadable=True))
             return
-        self.ledger.ending(clip.name)
         records = tuple(clip.records[chunk.index] for chunk in clip.chunks)
-        self.queue.append(Finish(request=clip.plan.request, records=records, folder=self.ledger.place(clip.name)))
+        self.queue.append(Finish(request=request, records=records, folder=self.ledger.place(clip.name), mark=mark))
+
+    def is_taken(self, clip: _Clip) -> bool:
+        """Whether something that is not the job's own has appeared under the result's names, which then fails."""
+        request = clip.plan.request
+        if clip.plan.overwrite or recognition.may_replace(request, clip.plan.mark.job, self.ledger):
+            return False
+        there = next(path for path in request.files if os.path.lexists(path))
+        self.fail(clip, Failed(words=f"{there} has appeared or changed meanwhile; give --overwrite to replace it"))
+        return True
+
+    def publish(self, clip: _Clip, order: Finish, finished: Finished) -> None:
+        """Give a result its names, with the ledger knowing them before and after, whatever ends the run in between."""
+        if self.is_taken(clip):
+            return
+        self.ledger.intend(clip.name, [made.sha256 for made in finished.made])
+        request, outcome = clip.plan.request, finished.outcome
+        result = Result(
+            source=str(request.source),
+            output=str(request.output),
+            restored=outcome.restored,
+            left=outcome.left,
+            failed=outcome.failed,
+            seconds=outcome.seconds,
+            notes=tuple(outcome.notes),
+        )
+        with uninterrupted():
+            try:
+                place(finished.made)
+            except OSError as error:
+                self.retry_or_fail(clip, order, failed(error))
+                return
+            self.ledger.done(clip.name, asdict(result), recognition.stamps(request.files))
+            clip.result = result
+        self.tell("finished", clip)
 
     def take(self, clip: _Clip, order: Order, answer: object) -> None:
         match order, answer:
             case _, Failed():
                 self.retry_or_fail(clip, order, answer)
             case Restore(), Progress():
-                clip.under_way[order.chunk.index] = order.chunk.done(answer)
+                clip.in_progress[order.chunk.index] = order.chunk.done(answer)
                 self.tell("frame", clip, answer.stage, frame=answer.frame)
             case Cut(), tuple():
                 if clip.result is None:
@@ -173,23 +230,13 @@ class _Run:
                     self.lay_out(clip, answer)
             case Restore(), str():
                 self.ledger.keep(clip.name, order.chunk.index, answer, order.folder)
-                clip.under_way.pop(order.chunk.index, None)
+                clip.in_progress.pop(order.chunk.index, None)
                 clip.records[order.chunk.index] = answer
                 self.tell("chunk", clip)
                 if clip.result is None:
                     self.finish_if_complete(clip)
-            case Finish(), Outcome():
-                clip.result = Result(
-                    source=str(clip.plan.request.source),
-                    output=str(clip.plan.request.output),
-                    restored=answer.restored,
-                    left=answer.left,
-                    failed=answer.failed,
-                    seconds=answer.seconds,
-                    notes=tuple(answer.notes),
-                )
-                self.ledger.done(clip.name, {"result": asdict(clip.result), "stamp": _stamp(clip.plan.request.output)})
-                self.tell("finished", clip)
+            case Finish(), Finished():
+                self.publish(clip, order, answer)
 
     def retry_or_fail(self, clip: _Clip, order: Order, failed: Failed) -> None:
         if failed.disk is not None:
@@ -228,9 +275,8 @@ def _source(path: Path) -> str | None:
     return None
 
 
-def _stamp(output: Path) -> list[int] | None:
-    """Tells whether the output is still the one that was written."""
-    with contextlib.suppress(OSError):
-        stat = output.stat()
-        return [stat.st_size, stat.st_mtime_ns]
-    return None
+def _covers(chunks: Sequence[Chunk], plan: Planned) -> bool:
+    """Whether chunks follow each other from the first frame that is restored to the last."""
+    ends = [plan.first, *(chunk.last + 1 for chunk in chunks)]
+    follow = all((n, end) == (chunk.index, chunk.first) for n, (end, chunk) in enumerate(zip(ends, chunks, strict=False)))
+    return follow and ends[-1] == plan.first + plan.frames

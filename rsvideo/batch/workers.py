@@ -11,8 +11,9 @@ from pathlib import Path
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.request import Request
+from rsvideo.config.sidecar import Mark
 from rsvideo.pipeline import deblur, processes
-from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import Observer, Progress
 
@@ -38,11 +39,12 @@ class Restore:
 
 @dataclass(frozen=True, kw_only=True)
 class Finish:
-    """Write the result from its chunks, whose records are given as JSON."""
+    """Make the result from its chunks, whose records are given as JSON; the run gives it its names."""
 
     request: Request
     records: tuple[str, ...]
     folder: Path
+    mark: Mark
 
 
 Order = Cut | Restore | Finish
@@ -58,7 +60,7 @@ class Failed:
     again: bool = False  # another try may do
 
 
-Done = tuple[Chunk, ...] | str | Outcome  # of Cut; of Restore, its record as JSON; of Finish
+Done = tuple[Chunk, ...] | str | Finished  # of Cut; of Restore, its record as JSON; of Finish
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,7 +151,7 @@ def _serve(orders: Connection) -> None:
                     request, task = order.request, prepare(order.request)
                 answer = _carried_out(order, task, _seldom(orders.send))
             except Exception as error:
-                answer = _failed(error)
+                answer = failed(error)
             orders.send(answer)
 
 
@@ -162,7 +164,7 @@ def _carried_out(order: Order, task: Task, observe: Observer) -> Done:
             return deblur.work(task, order.chunk, order.folder, observe).model_dump_json()
         case Finish():
             records = [ChunkRecord.model_validate_json(record) for record in order.records]
-            return deblur.finish(task, records, order.folder)
+            return deblur.finish(task, records, order.folder, order.mark)
 
 
 def _seldom(send: Observer) -> Observer:
@@ -179,7 +181,8 @@ def _seldom(send: Observer) -> Observer:
     return observe
 
 
-def _failed(error: Exception) -> Failed:
+def failed(error: Exception) -> Failed:
+    """What an order came to that raised this."""
     words = " ".join(str(error).split())
     match error:
         case UnreadableError():

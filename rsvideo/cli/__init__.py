@@ -49,18 +49,19 @@ def rsvideo(
 
 def main() -> None:
     """The command `rsvideo`."""
-    from rsvideo.cli import exit_codes, quiet
+    from rsvideo.cli import exit_codes, quiet, terminal
 
     for library in ("OMP", "OPENBLAS", "MKL"):  # compiled kernels use the cores; threads within threads slow both
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     if quiet.wanted():
         quiet.python_libraries()
+    terminal.guard()
     exit_codes.listen()
     try:
         code = app(standalone_mode=False) or exit_codes.Code.DONE
     except (Exception, exit_codes.Stopped) as error:
         if not quiet.wanted() and not isinstance(error, exit_codes.Stopped):
             raise
-        code, line = exit_codes.told(error)
-        print(f"rsvideo: {line}", file=sys.stderr)
+        code, line = exit_codes.code_and_line(error)
+        terminal.last_words(line)
     sys.exit(code)

@@ -8,6 +8,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from rsvideo.cli.terminal import say
+from rsvideo.config.printable import printable
+
 if TYPE_CHECKING:
     from rsvideo.batch.run import Event
 
@@ -35,7 +38,7 @@ def _line(event: "Event") -> None:
 
 def _remark(event: "Event") -> None:
     if words := _words(event):
-        print(f"rsvideo: {words}", file=sys.stderr)
+        say(words)
 
 
 def _words(event: "Event") -> str | None:
@@ -54,14 +57,14 @@ def _bars() -> "Iterator[Callable[[Event], None]]":
         TextColumn("{task.percentage:3.0f} %"),
         TextColumn("{task.fields[left]}"),
     )
-    console = Console(stderr=True)
+    console = Console(file=sys.__stderr__)
     with Progress(*columns, console=console, transient=True) as progress:
         batch = progress.add_task("batch", total=1.0, left="")
         clips: dict[str, TaskID] = {}
 
         def show(event: "Event") -> None:
             if words := _words(event):
-                console.print(f"rsvideo: {words}", markup=False, highlight=False, soft_wrap=True)
+                console.print(printable(f"rsvideo: {words}"), markup=False, highlight=False, soft_wrap=True)
             left = "" if event.seconds_left is None else f"{clock(event.seconds_left)} left"
             progress.update(batch, completed=event.done / max(1, event.frames), left=left)
             if event.event in ("finished", "failed"):
@@ -71,7 +74,7 @@ def _bars() -> "Iterator[Callable[[Event], None]]":
                 if event.output not in clips:
                     clips[event.output] = progress.add_task("", total=1.0, left="")
                 frame = "" if event.frame is None else f"frame {event.frame}, "
-                stage = f"{Path(event.output).name}: {frame}{event.words}"
+                stage = printable(f"{Path(event.output).name}: {frame}{event.words}")
                 progress.update(clips[event.output], description=stage, completed=event.fraction)
 
         yield show

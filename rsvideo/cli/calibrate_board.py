@@ -6,7 +6,8 @@ from typing import Annotated
 
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Overwrite, say
+from rsvideo.cli.calibrate_profile import Overwrite
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 BOARD = "chessboard:9x6:25mm (inner corners, side of a square), charuco:5x7:DICT_6X6_250:30mm:22mm or aprilgrid:6x6:30mm:9mm."

@@ -9,7 +9,8 @@ import typer
 from typer import Option
 
 from rsvideo.cli.calibrate_board import BoardName
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json, say
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:
@@ -52,24 +53,24 @@ def lens(
         import calibration
         from calibration.boards.target import parse
         from calibration.output import file_format
-        from rsvideo.cli.progress import bar
+        from rsvideo.cli.progress import progress_bar
         from rsvideo.config.quantity import hand_held, seconds
         from rsvideo.report.plots import FORMATS
 
         parse(board)
         rolling = None if readout is None else hand_held("readout", seconds("readout", readout), zero=True)
         if figure:
-            file_format(figure, FORMATS, overwrite=overwrite)
+            file_format(figure, FORMATS, overwrite=overwrite, read=sources)
         before = earlier(output, add=add, overwrite=overwrite)
         try:
-            with bar() as tell:
+            with progress_bar() as observe:
                 found = calibration.lens(
                     sources,
                     board,
                     model=None if model is Model.AUTO else model.value,
                     find_shape=bent,
                     readout=rolling,
-                    observer=lambda progress: tell(progress.stage, progress.fraction),
+                    observer=observe,
                 )
         except calibration.TooFewViewsError as error:
             _say_refused(error.refused)

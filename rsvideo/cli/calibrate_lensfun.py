@@ -4,7 +4,8 @@ from typing import Annotated
 
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Add, Output, Overwrite, earlier, finish, merged, say
+from rsvideo.cli.calibrate_profile import Add, Output, Overwrite, earlier, finish, merged
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
+from rsvideo.cli.terminal import say
+
 if TYPE_CHECKING:
     from rsvideo.shooting.camera_profile import CameraProfile
 
@@ -59,8 +61,3 @@ def print_json(facts: dict[str, Any]) -> None:
     import json
 
     print(json.dumps(facts, indent=1, allow_nan=False))
-
-
-def say(words: str) -> None:
-    """A line for a person."""
-    print(f"rsvideo: {words}", file=sys.stderr)

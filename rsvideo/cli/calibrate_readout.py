@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json, say
-from rsvideo.cli.options import Way
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, print_json
+from rsvideo.cli.options import DirectionName
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 if TYPE_CHECKING:
     from calibration import ReadoutMeasurement
     from rsvideo.shooting.camera_profile import CameraProfile
 
-MOST_FRAMES = 10_000
+MOST_FRAMES, FRAMES = 10_000, 120  # as in calibration.timing.measure, whose libraries take time to load
 _FREQUENCY = re.compile(r"(\d+\.?\d*|\.\d+)\s*(k?)(hz)?", re.IGNORECASE)
 
 
@@ -31,8 +32,8 @@ def readout(
     from_frame_rate: Annotated[bool, Option("--from-frame-rate", help="CLIP's frame rate, with --scanlines-total.")] = False,
     scanlines_total: Annotated[int | None, Option(metavar="N", help="Visible and blanking lines of the sensor's mode.")] = None,
     rate: Annotated[str | None, Option(metavar="FPS", help="Of the recording, where CLIP does not say it: 25, 24000/1001.")] = None,
-    direction: Annotated[Way | None, Option(help="The way the readout runs over the picture as stored, if it is known.")] = None,
-    frames: Annotated[int, Option(min=1, max=MOST_FRAMES, help="How many of CLIP's frames are used.")] = 120,
+    direction: Annotated[DirectionName | None, Option(help="The way the readout runs over the picture as stored, if it is known.")] = None,
+    frames: Annotated[int, Option(min=1, max=MOST_FRAMES, help="How many of CLIP's frames are used.")] = FRAMES,
     output: Output = None,
     name: Name = None,
     maker: Maker = None,
@@ -42,20 +43,20 @@ def readout(
 ) -> None:
     """Measure the time from the first row to the last: from bands of a flickering light, or from ordinary footage.
 
-    Best is an LED that flickers at a known 500 to 1000 Hz, close to a white wall or the lens, filmed with a short exposure.
+    Best is an LED that flickers at an exact 500 to 1000 Hz, close to a white wall or the lens, filmed with a short exposure.
     """
     from rsvideo.cli import exit_codes
 
     with refusing():
         import calibration
-        from rsvideo.cli.progress import bar
+        from rsvideo.cli.progress import progress_bar
         from rsvideo.config.quantity import frame_rate
 
         before = earlier(output, add=add, overwrite=overwrite)
         _check_method(source, flicker, from_clip, from_table, scanlines_total, from_frame_rate=from_frame_rate)
         fps = None if rate is None else frame_rate(rate)
         hertz = None if flicker is None else _hertz(flicker)
-        with bar() as tell:
+        with progress_bar() as observe:
             found = calibration.readout(
                 from_clip or source,
                 flicker=hertz,
@@ -66,7 +67,7 @@ def readout(
                 frame_rate=fps,
                 direction=direction,
                 frames=frames,
-                observer=lambda progress: tell(progress.stage, progress.fraction),
+                observer=observe,
             )
         if isinstance(found, calibration.CannotTell):
             say(f"cannot tell the readout: {found.reason}")

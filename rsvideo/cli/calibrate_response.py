@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged, say
+from rsvideo.cli.calibrate_profile import Add, Maker, Name, Output, Overwrite, earlier, finish, first_name, merged
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 _CURVES = 4  # the best ones, that are named

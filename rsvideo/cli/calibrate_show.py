@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli.calibrate_profile import Overwrite, print_json, say
+from rsvideo.cli.calibrate_profile import Overwrite, print_json
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import refusing
 
 
@@ -51,7 +52,7 @@ def convert(
         if output is None:
             sys.stdout.write(text)
         else:
-            file_format(output, (), overwrite=overwrite)
+            file_format(output, (), overwrite=overwrite, read=[Path(camera)])
             write_whole({output: text.encode()})
     for note in notes:
         say(note)

@@ -1,7 +1,6 @@
 """rsvideo compare: several methods on one input, a job's sources or a folder of cases, and who wins."""
 
 import os
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,12 +11,13 @@ from typer import Option
 
 from rsvideo.cli import options
 from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
 from rsvideo.config.media import SEQUENCES, is_clip, is_sequence
 from rsvideo.config.method import Method
 
 if TYPE_CHECKING:
-    from rsvideo.comparison.method_run import Attempt
+    from rsvideo.comparison.method_run import MethodRun
     from rsvideo.config.request import Request
     from rsvideo.progress import Observer
     from rsvideo.report.comparison import Comparison
@@ -39,6 +39,7 @@ _ALL = (
     Method.GYRO_REFINE,
 )
 _TABLE = (Method.NONE, Method.UNIFORM, Method.NONUNIFORM, Method.STITCH, Method.RECTIFY_UNIFORM, Method.RSVIDEO)
+_FILES = ("index.html", "report.csv", "report.json")  # of a report
 _FORMATS: dict[str, "Format"] = {".md": "markdown", ".tex": "latex", ".csv": "csv"}
 
 
@@ -64,11 +65,15 @@ def compare(
         Path | None,
         Option(metavar="FOLDER", help="Where what the methods make is kept, and taken from. [default: results, in or beside -o]"),
     ] = None,
-    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Methods at a time; times are fair with 1.")] = 1,
+    jobs: Annotated[
+        int, Option("-j", "--jobs", metavar="N", min=1, max=options.MOST_JOBS, help="Methods at a time; times are fair with 1.")
+    ] = 1,
     resume: Annotated[bool, Option("--resume/--fresh", help="Take results of the same request that are there, or make them anew.")] = True,
     given: options.Given = options.NOTHING,
     sets: Sets = None,
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace the report, or the table.")] = False,
+    overwrite: Annotated[
+        bool, Option("--overwrite", help="Replace the report, or the table, and what stands in the way of results.")
+    ] = False,
     json: Annotated[bool, Option("--json", help="Print report.json on standard output.")] = False,
 ) -> int:
     """Try several methods, and show who wins and why: a page (index.html) to open, the same numbers in report.csv and report.json.
@@ -155,13 +160,15 @@ def _crop(text: str) -> tuple[int, int, int, int]:
     return x, y, w, h
 
 
-def _folder(output: Path, *, overwrite: bool) -> None:
+def _folder(output: Path, works: Sequence[_Work], *, overwrite: bool) -> None:
     """Make the report's folder, or refuse it."""
     import tempfile
 
-    for name in ("index.html", "report.csv", "report.json"):
-        if (output / name).exists() and not overwrite:
-            raise FileExistsError(f"{output / name} exists already; give --overwrite to replace the report")
+    from rsvideo.config import placing
+
+    folders = dict.fromkeys([output, *(output / work.name for work in works)])
+    read = [path for work in works for path in (*work.requests[0].inputs, *([work.truth] if work.truth else []))]
+    placing.check([folder / name for folder in folders for name in _FILES], read, overwrite=overwrite)
     try:
         output.mkdir(exist_ok=True)
         tempfile.TemporaryFile(dir=output).close()
@@ -182,8 +189,8 @@ def _of_source(source: Path, wanted: _Wanted, kept: Path) -> _Work:
         if name.needs_clip and not clip:
             raise ValueError(f"method {name} concerns clips, it sees the motion between frames; {source} is taken for a photograph")
     lossless = {"encoding.codec": "ffv1"} if is_sequence(source) else {}
-    asked_for = options.request(source, kept / _name(source), {**lossless, **given})
-    requests = [_by_method(asked_for, name, kept / name / _name(source)) for name in tried]
+    request = options.request(source, kept / _name(source), {**lossless, **given})
+    requests = [_by_method(request, name, kept / name / _name(source)) for name in tried]
     return _Work(name="", requests=requests, truth=wanted.truth, crops=wanted.crops)
 
 
@@ -214,23 +221,25 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How
     """A page for each input; and an index of them all, with a `title`."""
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
-    from rsvideo.comparison import preflight
+    from rsvideo.comparison import method_run, preflight
     from rsvideo.config.files import write_whole
     from rsvideo.progress import within
     from rsvideo.report import page
 
     with quiet.c_libraries():
         works = [replace(work, requests=preflight.settled(work.requests, work.truth, work.crops)) for work in works]
-    _folder(output, overwrite=how.overwrite)
+    for work in works:
+        method_run.check([method_run.Order(request=request) for request in work.requests], overwrite=how.overwrite)
+    _folder(output, works, overwrite=how.overwrite)
     done, everyone = [], []
     with progress_bar() as observe:
         for n, work in enumerate(works):
             part = within(observe, n / len(works), (n + 1) / len(works), f"{work.name}: " if work.name else "")
-            comparison, attempts = _carried_out(work, part, how)
+            comparison, runs = _carried_out(work, part, how)
             (output / work.name).mkdir(exist_ok=True)
             _write(output / work.name, comparison)
             done.append((work.name, comparison))
-            everyone += attempts
+            everyone += runs
     _note(everyone)
     if title is not None:
         write_whole({output / "index.html": page.index(title, done), **_numbers(output, [comparison for _, comparison in done])})
@@ -239,7 +248,7 @@ def _compared(works: Sequence[_Work], output: Path, title: str | None, how: _How
     for name, comparison in done:
         _tell(comparison, output / name)
     if title is not None:
-        print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
+        say(f"compared: {output / 'index.html'}")
     return _code(everyone)
 
 
@@ -249,15 +258,19 @@ def _numbers(output: Path, comparisons: "Sequence[Comparison]") -> dict[Path, by
     return {output / "report.csv": numbers.all_csv(comparisons), output / "report.json": numbers.all_json(comparisons)}
 
 
-def _carried_out(work: _Work, observe: "Observer", how: _How) -> "tuple[Comparison, list[Attempt]]":
+def _carried_out(work: _Work, observe: "Observer", how: _How) -> "tuple[Comparison, list[MethodRun]]":
     from rsvideo.cli import quiet
     from rsvideo.comparison import compare, method_run
     from rsvideo.progress import within
 
     orders = [method_run.Order(request=request) for request in work.requests]
-    attempts = method_run.all_of(orders, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=within(observe, 0.0, 0.9))
-    measured = compare.compared(work.requests[0], attempts, truth=work.truth, crops=work.crops, observe=within(observe, 0.9, 1.0))
-    return measured, attempts
+    runs = method_run.all_of(
+        orders, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=within(observe, 0.0, method_run.RUNNING)
+    )
+    measured = compare.compared(
+        work.requests[0], runs, truth=work.truth, crops=work.crops, observe=within(observe, method_run.RUNNING, 1.0)
+    )
+    return measured, runs
 
 
 def _applying(*, clip: bool, logs: bool) -> tuple[Method, ...]:
@@ -297,23 +310,23 @@ def _tell(comparison: "Comparison", output: Path) -> None:
     from rsvideo.report.summary import summary
 
     for words in summary(comparison):
-        print(f"rsvideo: {words}", file=sys.stderr)
+        say(words)
     for entry in comparison.methods:
         if entry.fault is not None:
-            print(f"rsvideo: {entry.name} failed: {entry.fault}", file=sys.stderr)
-    print(f"rsvideo: compared: {output / 'index.html'}", file=sys.stderr)
+            say(f"{entry.name} failed: {entry.fault}")
+    say(f"compared: {output / 'index.html'}")
 
 
-def _note(attempts: "Sequence[Attempt]") -> None:
-    for each in attempts:
+def _note(runs: "Sequence[MethodRun]") -> None:
+    for each in runs:
         note(f"{each.method}: {words}" for words in each.notes)
 
 
-def _code(attempts: "Sequence[Attempt]") -> int:
+def _code(runs: "Sequence[MethodRun]") -> int:
     from rsvideo.cli.exit_codes import Code
 
-    failed = [attempt for attempt in attempts if attempt.fault is not None]
-    if failed and all(attempt.unreadable for attempt in attempts):
+    failed = [run for run in runs if run.fault is not None]
+    if failed and all(run.unreadable for run in runs):
         return Code.UNREADABLE
     return Code.FAILED if failed else Code.DONE
 
@@ -324,6 +337,7 @@ def _table(cases: Path, output: Path, form: "Format | None", wanted: _Wanted, re
     from rsvideo.cli.progress import progress_bar
     from rsvideo.comparison import cases as folder
     from rsvideo.config.files import write_whole
+    from rsvideo.config.placing import check_free
     from rsvideo.report import table
 
     stated = [*map(options.flag, wanted.given), *(["--truth"] if wanted.truth else []), *(["--crop"] if wanted.crops else [])]
@@ -335,12 +349,13 @@ def _table(cases: Path, output: Path, form: "Format | None", wanted: _Wanted, re
     found = folder.find(cases)
     if not output.parent.is_dir():
         raise ValueError(f"the folder {output.parent} of {output.name} must exist; make it first, or is its name mistyped?")
-    if output.exists() and not how.overwrite:
-        raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
+    check_free(output, overwrite=how.overwrite)
     methods, kept = wanted.methods or _TABLE, results or output.with_name(output.stem + "_results")
     with progress_bar() as observe:
-        scores = folder.scored(found, methods, kept, most=how.jobs, resume=how.resume, quiet=quiet.wanted(), observe=observe)
+        scores = folder.scored(
+            found, methods, kept, most=how.jobs, resume=how.resume, overwrite=how.overwrite, quiet=quiet.wanted(), observe=observe
+        )
     write_whole({output: table.written(scores, form).encode()})
     note(scores.notes)
-    print(f"rsvideo: {len(scores.rows)} cases, {len(methods)} methods: {output}", file=sys.stderr)
+    say(f"{len(scores.rows)} cases, {len(methods)} methods: {output}")
     return Code.FAILED if scores.failed else Code.DONE

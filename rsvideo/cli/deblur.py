@@ -11,6 +11,7 @@ from typer import Option
 
 from rsvideo.cli import options
 from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.terminal import say
 
 if TYPE_CHECKING:
     from rsvideo.config.request import Request
@@ -23,7 +24,7 @@ def deblur(
     ],
     output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format.")],
     given: options.Given,
-    threads: Annotated[int | None, Option(min=1, max=1024, help="[default: all cores]")] = None,
+    threads: Annotated[int | None, Option(min=1, max=options.MOST_THREADS, help="[default: all cores]")] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace OUTPUT and its sidecar.")] = False,
     json: Annotated[bool, Option("--json", help="Print the sidecar on standard output.")] = False,
 ) -> None:
@@ -43,11 +44,13 @@ def _carry_out(request: "Request", *, json: bool) -> None:
     """Restore, write, and report what was done."""
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
+    from rsvideo.pipeline import demand
     from rsvideo.pipeline.deblur import carry_out
     from rsvideo.pipeline.prepare import prepare
 
     with quiet.c_libraries():
         task = prepare(request)
+        demand.check(task)
     note(task.notes)
     with progress_bar() as observe:
         outcome = carry_out(task, observe)
@@ -56,4 +59,4 @@ def _carry_out(request: "Request", *, json: bool) -> None:
         with request.record.open(encoding="utf-8") as record:
             shutil.copyfileobj(record, sys.stdout)
     else:
-        print(f"rsvideo: {outcome.summary}: {request.output}", file=sys.stderr)
+        say(f"{outcome.summary}: {request.output}")

@@ -3,11 +3,12 @@
 import contextlib
 import enum
 import signal
-import sys
 from collections.abc import Iterable, Iterator
 from types import FrameType
 
+from rsvideo.cli.terminal import say
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.placing import SIGNALS
 
 
 class Code(enum.IntEnum):
@@ -26,7 +27,7 @@ class RefusedError(Exception):
 
 
 class Stopped(BaseException):  # not an error, and no handler of errors may catch it
-    """The user, or the machine, asked for an end."""
+    """The user, or the machine, stopped the work."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -34,9 +35,10 @@ class Stopped(BaseException):  # not an error, and no handler of errors may catc
 
 
 def listen() -> None:
-    """Turn the first SIGINT or SIGTERM into `Stopped`; a second one ends at once."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _stop)
+    """Turn the first signal to end into `Stopped`; a second one ends at once. One that is ignored, as under nohup, stays so."""
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _stop)
 
 
 def _stop(number: int, _: FrameType | None) -> None:
@@ -54,17 +56,17 @@ def refusing() -> Iterator[None]:
     except ValueError as error:
         *others, last = getattr(error, "faults", (str(error),))  # a file of settings may have several
         for fault in others:
-            print(f"rsvideo: {fault}", file=sys.stderr)
+            say(fault)
         raise RefusedError(last) from error
 
 
 def note(notes: Iterable[str]) -> None:
     """What the user should know beside the result, a line each."""
     for each in notes:
-        print(f"rsvideo: note: {each}", file=sys.stderr)
+        say(f"note: {each}")
 
 
-def told(error: BaseException) -> tuple[int, str]:
+def code_and_line(error: BaseException) -> tuple[int, str]:
     """The exit code for what went wrong, and the line that says so."""
     code, words = _code_and_words(_origin(error))
     return code, " ".join(words.split())
@@ -79,7 +81,8 @@ def _origin(error: BaseException) -> BaseException:
 def _code_and_words(error: BaseException) -> tuple[int, str]:
     match error:
         case Stopped():
-            return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; nothing was written"
+            result = "; ".join(getattr(error, "__notes__", ())) or "nothing was written"
+            return 128 + error.number, f"stopped by {signal.Signals(error.number).name}; {result}"
         case RefusedError():
             return Code.USAGE, str(error)
         case UnreadableError():

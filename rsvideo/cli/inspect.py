@@ -9,6 +9,8 @@ from typer import Option
 
 from rsvideo.cli import options
 from rsvideo.cli.exit_codes import refusing
+from rsvideo.cli.terminal import say
+from rsvideo.config.printable import printable
 
 if TYPE_CHECKING:
     from rsvideo.config.request import Camera
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
     from rsvideo.shooting.fact import Fact
 
 Line = tuple[str, str, str]  # what, its value, who stated it
-_WIDTH = 160  # where the output is no terminal, whose width is not known
+_WIDTH = 160  # an output that is no terminal has no width
 
 
 @options.offers(
@@ -28,7 +30,7 @@ def inspect(
     given: options.Given,
     json: Annotated[bool, Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show what is known of a clip, from where, and what is missing.
+    """Show what a clip states, what other sources add, and what is missing.
 
     Sources of the timing, first hit wins: options, the clip's metadata, --camera, the public table of readout times, the frame rate.
     """
@@ -126,13 +128,13 @@ def _print_table(values: dict[str, Any]) -> None:
     table.add_column(overflow="fold")
     table.add_column(overflow="fold", style="dim")
     for line in _lines(values):
-        table.add_row(*(Text(_printable(cell)) for cell in line))
+        table.add_row(*(Text(printable(cell)) for cell in line))
     console = Console(file=sys.stdout, highlight=False, width=None if sys.stdout.isatty() else _WIDTH)
     with console.capture() as drawn:
         console.print(table)
     print("\n".join(line.rstrip() for line in drawn.get().splitlines()))
     for note in values["notes"]:
-        print(f"rsvideo: note: {_printable(note)}", file=sys.stderr)
+        say(f"note: {note}")
 
 
 def _lines(values: dict[str, Any]) -> list[Line]:
@@ -168,7 +170,3 @@ def _lines(values: dict[str, Any]) -> list[Line]:
 def _timed(name: str, fact: dict[str, Any]) -> Line:
     low, high = (f"{time * 1e3:.4g}" for time in fact.get("within", (0.0, 0.0)))
     return name, f"{fact['value'] * 1e3:.4g} ms" + (f", {low} to {high} ms" if low != high else ""), fact["source"]
-
-
-def _printable(text: str) -> str:
-    return "".join(letter if letter.isprintable() else "?" for letter in text)

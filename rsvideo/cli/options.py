@@ -1,6 +1,6 @@
 """The options of a request on the command line, made from its models, which say of each what it means and may be.
 
-The models take time to load, so the options are made when a command is called or its own help is asked for.
+The models take time to load, so the options are made when a command is called or its own help is printed.
 """
 
 import enum
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from rsvideo.config.option import OptionField
     from rsvideo.config.request import Request, Sections
 
-Way = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
+DirectionName = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
+MOST_JOBS = 256  # processes at a time; more is a slip
+MOST_THREADS = 1024  # of one process; more is a slip
 Given = Mapping[str, Any]
 """What was given, under keys such as `camera.exposure`; the parameter of this type stands where the options are listed."""
 

@@ -1,11 +1,12 @@
 """rsvideo plot: the motion in a sidecar, drawn."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from typer import Option
+
+from rsvideo.cli.terminal import say
 
 
 def plot(
@@ -14,9 +15,10 @@ def plot(
     overwrite: Annotated[bool, Option("--overwrite", help="Replace FIG.")] = False,
 ) -> None:
     """Draw the trajectory over time, and the blur it makes across the frame."""
-    from rsvideo.cli.exit_codes import RefusedError
+    from rsvideo.cli.exit_codes import RefusedError, refusing
     from rsvideo.config import sidecar
     from rsvideo.config.files import write_whole
+    from rsvideo.config.placing import check
     from rsvideo.report import plots
 
     kind = output.suffix.lower().removeprefix(".")
@@ -24,7 +26,7 @@ def plot(
         raise RefusedError(f"{output} must end in .{', .'.join(plots.FORMATS)}, it ends in {output.suffix!r}; the ending names the format")
     if not output.parent.is_dir():
         raise RefusedError(f"the folder {output.parent} of FIG must exist; make it first, or is its name mistyped?")
-    if output.exists() and not overwrite:
-        raise FileExistsError(f"{output} exists already; give --overwrite to replace it")
-    write_whole({output: plots.motion(sidecar.read(source), kind)})
-    print(f"rsvideo: drawn: {output}", file=sys.stderr)
+    with refusing():
+        check([output], [source], overwrite=overwrite)
+    write_whole({output: plots.motion(sidecar.read(source, most_frames=1), kind)})
+    say(f"drawn: {output}")

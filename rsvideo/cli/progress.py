@@ -1,9 +1,10 @@
 """A bar on the terminal while long work runs; silence anywhere else, and of the libraries."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from rsvideo.cli import quiet
+from rsvideo.config.printable import printable
 from rsvideo.progress import Observer, Progress, ignore
 
 
@@ -26,13 +27,6 @@ def progress_bar() -> Iterator[Observer]:
             task = shown.add_task("starting", total=1.0)
 
             def observe(at: Progress) -> None:
-                shown.update(task, description=at.stage, completed=at.fraction)
+                shown.update(task, description=printable(at.stage), completed=at.fraction)
 
             yield observe
-
-
-@contextlib.contextmanager
-def bar() -> Iterator[Callable[[str, float], None]]:
-    """The same, for work that reports its stage and its fraction as two values."""
-    with progress_bar() as observe:
-        yield lambda stage, fraction: observe(Progress(stage=stage, fraction=fraction))

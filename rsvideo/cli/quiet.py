@@ -28,7 +28,7 @@ def c_libraries() -> Iterator[TextIO]:
     Whatever must show meanwhile, such as a bar, is written to the stream that this yields.
     """
     if not wanted():
-        yield sys.stderr
+        yield sys.__stderr__ or sys.stderr
         return
     with open(os.devnull, "wb") as nowhere, open(os.dup(2), "w", encoding="utf-8") as terminal:  # noqa: PTH123 # the second is a descriptor
         os.dup2(nowhere.fileno(), 2)

@@ -13,18 +13,22 @@ import typer
 from typer import Option
 
 from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli.options import MOST_JOBS
+from rsvideo.cli.terminal import last_words, say
 from rsvideo.cli.validate import Sets, counted, some
+from rsvideo.config.printable import printable
 
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
     from rsvideo.batch.plan import Batch, Planned
     from rsvideo.batch.run import Result
+    from rsvideo.config.request import Request
     from rsvideo.pipeline.pieces import Chunk
 
 
 def run(
     path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips and photographs, how they are treated, where results go.")],
-    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=256, help="Worker processes; each may need 2 GB.")] = 1,
+    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes; each may need 2 GB.")] = 1,
     sets: Sets = None,
     dry_run: Annotated[bool, Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
     resume: Annotated[bool, Option("--resume/--fresh", help="Go on where an earlier run ended, or forget it.")] = True,
@@ -42,7 +46,7 @@ def run(
     5 done, but more frames failed than report.most_failed_frames.
     """
     with refusing():
-        from rsvideo.batch import ledger, plan
+        from rsvideo.batch import ledger, lock, plan
 
         batch = plan.read(path, sets or (), overwrite=overwrite)
     try:
@@ -51,11 +55,11 @@ def run(
                 return _print_plan(batch, lambda _: False, json=json)
             with ledger.opened(batch.working, fresh=not resume and not dry_run) as (book, notes):
                 if dry_run:
-                    return _print_plan(batch, book.ours, json=json)
+                    return _print_plan(batch, _ours(batch, book), json=json)
                 note(notes)
                 return _carry_out(batch, book, jobs=jobs, progress=progress, json=json)
-    except ledger.BusyError as error:
-        _say(str(error))
+    except lock.BusyError as error:
+        say(str(error))
         return 1
 
 
@@ -66,7 +70,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
     from rsvideo.cli.exit_codes import Code, Stopped
 
     with refusing(), quiet.c_libraries():
-        plans = plan.settled(batch, book.ours)
+        plans = plan.settled(batch, _ours(batch, book))
     for each in plans:
         if isinstance(each, plan.Planned):
             note(f"{each.request.source}: {words}" for words in each.notes)
@@ -74,19 +78,19 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
         with batch_progress.shown(progress) as show, workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
             results = carry_out(plans, book, crew, show)
     except Stopped as error:
-        _say(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
+        last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except OSError as error:
-        _say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
+        say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
         return Code.FAILED
     code = _code(results, batch.report.most_failed_frames)
     if json or progress == "jsonl":
         _print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
     _print_table(results)
     if code == Code.WORSE:
-        _say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
+        say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
     if faults := sum(result.fault is not None for result in results):
-        _say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
+        say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
     else:
         book.remove()
     return code
@@ -119,7 +123,13 @@ def _made(folder: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
-def _print_plan(batch: "Batch", ours: Callable[[str], bool], *, json: bool) -> int:
+def _ours(batch: "Batch", book: "Ledger") -> "Callable[[Request], bool]":
+    from rsvideo.batch import recognition
+
+    return lambda request: recognition.may_replace(request, batch.job, book)
+
+
+def _print_plan(batch: "Batch", ours: "Callable[[Request], bool]", *, json: bool) -> int:
     from rsvideo.batch import plan
     from rsvideo.cli import quiet
     from rsvideo.cli.batch_progress import clock
@@ -169,7 +179,7 @@ def _print_table(results: "Sequence[Result]") -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     for clip, *counts, output in rows:
         cells = [clip.ljust(widths[0]), *(count.rjust(width) for count, width in zip(counts, widths[1:], strict=True)), output]
-        print("  ".join(cells), file=sys.stderr)
+        print(printable("  ".join(cells)), file=sys.stderr)
     for result in results:
         note(f"{result.source}: {words}" for words in result.notes)
 
@@ -180,10 +190,6 @@ def _kept(book: "Ledger") -> str:
     except OSError:
         return "what was done before is kept, the same command goes on from there"
     return f"{some(clips, 'clip')} and {some(chunks, 'chunk')} of others are kept, the same command goes on from there"
-
-
-def _say(words: str) -> None:
-    print(f"rsvideo: {words}", file=sys.stderr)
 
 
 def _print_json(values: object) -> None:

@@ -1,6 +1,5 @@
-"""rsvideo simulate: one sharp photograph in, a blurred one out whose truth is known."""
+"""rsvideo simulate: one sharp photograph in, a blurred one out, and its truth."""
 
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -8,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from typer import Option
 
-from rsvideo.cli.options import Way
+from rsvideo.cli.options import DirectionName
+from rsvideo.cli.terminal import say
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from rsvideo.stills.still import Still
 
 MOST_LOG_BYTES = 500_000_000
-MOST_YAML_BYTES = 100_000
-USUAL_NOISE = 0.003  # at half of white: a small sensor's at base sensitivity
 
 Source = Annotated[Path, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
 Output = Annotated[Path, Option("-o", "--output", metavar="OUT", help="The blurred frame; motion.csv and case.json go beside it.")]
@@ -39,7 +37,7 @@ Camera = Annotated[
 Readout = Annotated[str | None, Option(metavar="TIME", help="Rows times row time; 0 is a global shutter. [default: the profile's]")]
 RowTime = Annotated[str | None, Option(metavar="TIME", help="From one row's opening to the next one's, instead of --readout.")]
 ReadoutDirection = Annotated[
-    Way | None, Option(help="The way the readout runs over the picture as stored. [default: the profile's, or top-to-bottom]")
+    DirectionName | None, Option(help="The way the readout runs over the picture as stored. [default: the profile's, or top-to-bottom]")
 ]
 GyroLog = Annotated[Path | None, Option(metavar="LOG", help="Motion recorded as lines `t_ns wx wy wz` in rad/s.")]
 Start = Annotated[float, Option(metavar="S", help="When the frame opens, in seconds from the first line of --gyro.")]
@@ -102,6 +100,7 @@ def simulate(
     """
     from rsvideo.cli.exit_codes import RefusedError
     from rsvideo.config.files import UnreadableError
+    from rsvideo.physics.simulate import MOST_GAIN
     from rsvideo.physics.tone import Transfer
     from rsvideo.stills import still
 
@@ -109,11 +108,12 @@ def simulate(
     files = [output, truth, output.with_name("motion.csv"), output.with_name("case.json")]
     try:
         kinds = still.Format.of_output(output), still.Format.of_output(truth)
-        _check_names(files, source, overwrite=overwrite)
-        if not 0 < gain <= 1000:
-            raise ValueError(f"gain must lie in (0, 1000], got {gain:g}")
+        read = [source, *(Path(each) for each in (gyro, polynomial, camera) if each is not None and Path(each).is_file())]
+        _check_names(files, read, overwrite=overwrite)
+        if not 0 < gain <= MOST_GAIN:
+            raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
         optics = _optics(camera, focal_px, readout, row_time, direction, noise)
-        moved, said = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
+        moved, motion_words = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
         photo = still.read(source, Transfer(transfer) if transfer else None)
         staged = _staged(photo, moved, optics, exposure, size, roll=motion == "rotation", blur=blur_px)
     except UnreadableError:
@@ -121,7 +121,7 @@ def simulate(
     except ValueError as error:
         raise RefusedError(str(error)) from error
     rendering = _rendered(photo, staged, optics.noise, gain=gain, samples=samples, seed=seed)
-    case = {"source": source.name, "motion": said, "roll": motion == "rotation", "transfer": photo.transfer.value, **optics.said}
+    case = {"source": source.name, "motion": motion_words, "roll": motion == "rotation", "transfer": photo.transfer.value, **optics.words}
     case |= {"gain": gain, "samples": samples, "seed": seed}
     _write(files, kinds, photo, rendering, staged, case, bits)
 
@@ -136,7 +136,7 @@ class _Optics:
     readout: float | None  # s; this or row_time
     row_time: float | None  # s
     direction: "Direction"
-    said: dict[str, object]  # what case.json says of it beyond the stage
+    words: dict[str, object]  # for case.json, beyond the stage
 
 
 def _optics(
@@ -146,6 +146,7 @@ def _optics(
     from rsvideo.config.quantity import hand_held, seconds
     from rsvideo.physics.noise import Noise
     from rsvideo.physics.shutter import Direction
+    from rsvideo.physics.simulate import USUAL_NOISE
     from rsvideo.shooting import profiles
 
     profile = profiles.find(camera) if camera is not None else None
@@ -172,7 +173,7 @@ def _optics(
         readout=read,
         row_time=seconds("row-time", row_time) if row_time is not None else None,
         direction=Direction(direction) if direction else stated,
-        said=words | ({"camera": camera} if camera else {}),
+        words=words | ({"camera": camera} if camera else {}),
     )
 
 
@@ -200,10 +201,10 @@ def _staged(
 def _rendered(photo: "Still", staged: "Stage", noise: "Noise", *, gain: float, samples: int, seed: int) -> "Rendering":
     import numpy as np
 
-    from rsvideo.cli.progress import bar
+    from rsvideo.cli.progress import progress_bar
     from rsvideo.physics.simulate import render
 
-    with bar() as show:
+    with progress_bar() as observe:
         return render(
             photo.pixels,
             camera=staged.camera,
@@ -213,7 +214,7 @@ def _rendered(photo: "Still", staged: "Stage", noise: "Noise", *, gain: float, s
             rng=np.random.default_rng([seed, 1]),  # not the hand's numbers
             samples=samples,
             gain=gain,
-            tell=lambda fraction: show("rendering", fraction),
+            observe=observe,
         )
 
 
@@ -234,10 +235,12 @@ def _write(
     write_whole(dict(zip(files, [*pictures, *beside], strict=True)))
     camera = staged.camera
     reach = extent(camera=camera, timing=staged.timing, trajectory=staged.trajectory)
-    print(f"rsvideo: rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {files[0]}", file=sys.stderr)
+    say(f"rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {files[0]}")
 
 
-def _check_names(files: list[Path], source: Path, *, overwrite: bool) -> None:
+def _check_names(files: list[Path], read: list[Path], *, overwrite: bool) -> None:
+    from rsvideo.config.placing import check
+
     if len({file.absolute() for file in files}) < len(files):
         raise ValueError(f"OUT, the truth, motion.csv and case.json need four names, got {', '.join(map(str, files))}")
     for file in files:
@@ -245,17 +248,14 @@ def _check_names(files: list[Path], source: Path, *, overwrite: bool) -> None:
             raise ValueError(f"the folder {file.parent} must exist; make it first, or is its name mistyped?")
         if file.is_dir():
             raise ValueError(f"{file} must be the name of a file, it is a folder")
-        if file.exists() and source.exists() and file.samefile(source):
-            raise ValueError(f"{file} must not be SHARP itself, which would be lost")
-        if file.exists() and not overwrite:
-            raise FileExistsError(f"{file} exists already; give --overwrite to replace it")
+    check(files, read, overwrite=overwrite)
 
 
 def _motion(
     gyro: Path | None, start: float, axes: str, polynomial: str | None, shake: bool, seed: int
 ) -> tuple["Motion", dict[str, object]]:
     """The motion that the options choose, and its words in case.json."""
-    from rsvideo.config.files import UnreadableError, read_whole
+    from rsvideo.config.files import UnreadableError, lines
     from rsvideo.physics import staging
     from rsvideo.physics.gyro import check_axes, parse
 
@@ -265,12 +265,11 @@ def _motion(
         raise ValueError(f"the motion must come from one of {', '.join(given)}, got {' and '.join(chosen) or 'none'}")
     if gyro is not None:
         check_axes(axes)
-        text = read_whole(gyro, most=MOST_LOG_BYTES).decode("utf-8", "replace")
         try:
-            log = parse(text, axes=axes)
+            log = parse(lines(gyro, most=MOST_LOG_BYTES), axes=axes)
         except ValueError as error:
-            raise UnreadableError(f"{gyro}: {error}") from error
-        return staging.recorded(log, start=start), {"gyro": gyro.name, "start_s": start, "axes": axes}
+            raise error if isinstance(error, UnreadableError) else UnreadableError(f"{gyro}: {error}") from error
+        return staging.of_log(log, start=start), {"gyro": gyro.name, "start_s": start, "axes": axes}
     if polynomial is not None:
         terms = _terms(polynomial)
         return staging.polynomial(terms), {"polynomial": terms}
@@ -296,17 +295,16 @@ def _terms(text: str) -> dict[str, list[float]]:
 
 
 def _yaml_terms(path: Path) -> dict[str, list[float]]:
-    import yaml
-
-    from rsvideo.config.files import UnreadableError, read_whole
+    from rsvideo.config import yaml
+    from rsvideo.config.files import UnreadableError
 
     form = f"{path} must map x, y and roll to lists of numbers, such as `x: [0, 12, -4]`"
     try:
-        found = yaml.safe_load(read_whole(path, most=MOST_YAML_BYTES))
+        found, _ = yaml.load(path)
         if not isinstance(found, dict) or not found:
             raise UnreadableError(f"{form}; it holds {type(found).__name__}")
         return {str(axis): [float(number) for number in numbers] for axis, numbers in found.items()}
-    except (yaml.YAMLError, TypeError, ValueError, RecursionError) as error:
+    except (TypeError, ValueError) as error:
         if isinstance(error, UnreadableError):
             raise
         raise UnreadableError(form) from error

@@ -1,6 +1,5 @@
 """rsvideo validate and rsvideo schema: what a job's file may say, and whether it does."""
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +8,8 @@ import typer
 from typer import Option
 
 from rsvideo.cli.exit_codes import refusing
+from rsvideo.cli.terminal import say
+from rsvideo.config.printable import printable
 
 Sets = Annotated[
     list[str] | None,
@@ -27,8 +28,8 @@ def validate(
         batch = plan.read(path, sets or ())
     requests = [item.request for item in batch.items]
     for request in requests:
-        print(f"{request.source}\t{request.output}")
-    print(f"rsvideo: {path} is valid: {counted([request.is_clip for request in requests])}", file=sys.stderr)
+        print(f"{printable(str(request.source))}\t{printable(str(request.output))}")
+    say(f"{path} is valid: {counted([request.is_clip for request in requests])}")
 
 
 def counted(clips: Sequence[bool]) -> str:

@@ -1,4 +1,4 @@
-"""A folder of cases with known truth, and how near each method comes to it."""
+"""A folder of cases with their truth, and how near each method comes to it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from rsvideo.comparison.decoded import pictures
-from rsvideo.comparison.method_run import Attempt, Order, all_of
+from rsvideo.comparison.method_run import RUNNING, MethodRun, Order, all_of, check
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.method import Method
 from rsvideo.config.request import Request
@@ -19,6 +19,7 @@ from rsvideo.report import metrics
 from rsvideo.report.table import DOES_NOT_APPLY, Row, Table
 
 MOST_CASES = 10_000
+_MOST_CASE_BYTES = 1_000_000  # of a case.json, which has a few hundred
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
@@ -33,7 +34,7 @@ class _Shot(BaseModel):
 
 
 class Case(BaseModel):
-    """A blurred input, its truth, and how it was recorded."""
+    """A blurred input, its truth, and its shutter and lens."""
 
     name: str
     kind: str
@@ -61,7 +62,7 @@ def find(folder: Path) -> list[Case]:
 
 def _case(path: Path) -> Case:
     try:
-        shot = _Shot.model_validate_json(read_whole(path, most=1_000_000))
+        shot = _Shot.model_validate_json(read_whole(path, most=_MOST_CASE_BYTES))
     except ValidationError as error:
         first = error.errors()[0]
         raise UnreadableError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
@@ -81,37 +82,39 @@ def scored(
     *,
     most: int,
     resume: bool,
+    overwrite: bool,
     quiet: bool,
     observe: Observer,
 ) -> Table:
-    """Carry every method out on every case into results/METHOD/NAME, and measure."""
+    """Carry every method out on every case into results/METHOD/NAME, and measure; `overwrite` what no comparison made there."""
     orders = {
         (case.name, method): Order(request=_request(case, method, results / method / f"{case.name}{case.source.suffix}"))
         for case in cases
         for method in methods
         if case.clip or not method.needs_clip
     }
-    done = all_of(list(orders.values()), most=most, resume=resume, quiet=quiet, observe=within(observe, 0.0, 0.9))
+    check(orders.values(), overwrite=overwrite)
+    done = all_of(list(orders.values()), most=most, resume=resume, quiet=quiet, observe=within(observe, 0.0, RUNNING))
     made = dict(zip(orders, done, strict=True))
     rows = []
     for n, case in enumerate(cases):
-        observe(Progress(stage=f"measuring {case.name}", fraction=0.9 + 0.1 * n / len(cases)))
+        observe(Progress(stage=f"measuring {case.name}", fraction=RUNNING + (1 - RUNNING) * n / len(cases)))
         psnr, why_not = {}, {}
         for method in methods:
-            attempt = made.get((case.name, method))
-            if attempt is None:
+            run = made.get((case.name, method))
+            if run is None:
                 why_not[method.value] = DOES_NOT_APPLY
-            elif attempt.fault is not None:
-                why_not[method.value] = attempt.fault
+            elif run.fault is not None:
+                why_not[method.value] = run.fault
             else:
-                psnr[method.value] = _psnr(attempt, case)
+                psnr[method.value] = _psnr(run, case)
         rows.append(Row(kind=case.kind, case=case.name, psnr=psnr, why_not=why_not))
     return Table(methods=tuple(method.value for method in methods), rows=tuple(rows))
 
 
-def _psnr(attempt: Attempt, case: Case) -> float:
+def _psnr(run: MethodRun, case: Case) -> float:
     """Of a still, or the mean over a clip's frames."""
-    pairs = zip(pictures(attempt.output), pictures(case.truth), strict=True)
+    pairs = zip(pictures(run.output), pictures(case.truth), strict=True)
     return float(np.mean([metrics.psnr(ours.codes, truth.codes) for ours, truth in pairs]))
 
 

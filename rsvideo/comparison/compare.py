@@ -17,7 +17,7 @@ from rsvideo.comparison.decoded import DecodedPicture, Source
 from rsvideo.comparison.entry_pictures import EntryPictures
 from rsvideo.comparison.key_frames import Album
 from rsvideo.comparison.measuring import Measuring
-from rsvideo.comparison.method_run import Attempt
+from rsvideo.comparison.method_run import MethodRun
 from rsvideo.comparison.preflight import Box
 from rsvideo.config.request import Request
 from rsvideo.pipeline import processes
@@ -56,7 +56,7 @@ class _Video:
         return None if self._mosaic is None else self._mosaic.close()
 
 
-def compared(request: Request, runs: Sequence[Attempt], *, truth: Path | None, crops: Sequence[Box], observe: Observer) -> Comparison:
+def compared(request: Request, runs: Sequence[MethodRun], *, truth: Path | None, crops: Sequence[Box], observe: Observer) -> Comparison:
     """Decode what the methods made of the request's source, all at once, and measure it; each file is read once."""
     source = decoded.source(request)
     entries = entry_pictures.opened(source, runs, truth)
@@ -108,7 +108,7 @@ def _plainly(path: Path) -> str:
 
 
 def _entries(
-    pictures: Sequence[EntryPictures], runs: Sequence[Attempt], measured: Mapping[str, Sequence[FrameMeasures]]
+    pictures: Sequence[EntryPictures], runs: Sequence[MethodRun], measured: Mapping[str, Sequence[FrameMeasures]]
 ) -> tuple[Entry, ...]:
     """The recording, the methods in the order in which they were wanted, and the truth."""
     found = {each.name: _entry(each, measured[each.name]) for each in pictures}

@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from rsvideo.comparison.decoded import DecodedPicture, Source
-from rsvideo.comparison.method_run import Attempt
+from rsvideo.comparison.method_run import MethodRun
 from rsvideo.config import sidecar
 from rsvideo.config.sidecar import FrameRecord, Sidecar
 from rsvideo.report.comparison import Role
@@ -19,7 +19,7 @@ class EntryPictures:
     name: str
     role: Role
     pictures: Iterator[tuple[int, DecodedPicture]]
-    run: Attempt | None = None  # of a method
+    run: MethodRun | None = None  # of a method
     sidecar: Sidecar | None = None
 
     @cached_property
@@ -28,7 +28,7 @@ class EntryPictures:
         return {} if self.sidecar is None else {record.index: record for record in self.sidecar.frames}
 
 
-def opened(source: Source, runs: Sequence[Attempt], truth: Path | None) -> list[EntryPictures]:
+def opened(source: Source, runs: Sequence[MethodRun], truth: Path | None) -> list[EntryPictures]:
     """The recording first, unless the method `none` stands for it; then the methods that gave a result; the truth last."""
     entries = [_of_method(source, run) for run in runs if run.fault is None]
     entries.sort(key=lambda entry: entry.name != "none")
@@ -40,7 +40,7 @@ def opened(source: Source, runs: Sequence[Attempt], truth: Path | None) -> list[
     return entries
 
 
-def _of_method(source: Source, run: Attempt) -> EntryPictures:
+def _of_method(source: Source, run: MethodRun) -> EntryPictures:
     held = sidecar.read(run.record) if run.record.exists() else None
     indices = range(source.first, source.last) if held is None else [frame.index for frame in held.frames]
     pictures = zip(indices, source.of_result(run.output), strict=False)

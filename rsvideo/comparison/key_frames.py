@@ -26,6 +26,8 @@ _THUMB = 160  # px
 _BLUR = 2.0  # px, over which differences are gathered: edges that are shifted by less count once
 _MOST_CROPS = 4  # that the page chooses
 _CROP_PART, _NARROWEST_CROP, _CROP_ASPECT = 6, 96, 0.75  # a crop is a sixth of the picture wide, or 96 px, and 4:3
+_EDGE_PART = 8  # a crop's middle keeps off the sides by half of the border, or of an eighth of the picture where that is less
+_CROP_GAP = 4  # the next crop lies a quarter of a crop away at least
 
 
 def chosen(count: int, entries: int, pixels: float) -> frozenset[int]:
@@ -104,7 +106,7 @@ def crops(area: np.ndarray, rows: int, cols: int, most: int = _MOST_CROPS) -> It
     if not area.any():
         yield Crop(x=(cols - w) // 2, y=(rows - h) // 2, w=w, h=h, chosen=False)
         return
-    edge = min(metrics.BORDER, min(rows, cols) // 8) // 2
+    edge = min(metrics.BORDER, min(rows, cols) // _EDGE_PART) // 2
     kept = area.copy()
     kept[:edge], kept[-edge:], kept[:, :edge], kept[:, -edge:] = 0, 0, 0, 0
     for _ in range(most):
@@ -114,7 +116,8 @@ def crops(area: np.ndarray, rows: int, cols: int, most: int = _MOST_CROPS) -> It
         if box[y, x] <= 0:
             return
         yield Crop(x=x, y=y, w=w, h=h, chosen=False)
-        kept[max(0, y - h // 4) : y + h + h // 4, max(0, x - w // 4) : x + w + w // 4] = 0
+        down, across = h // _CROP_GAP, w // _CROP_GAP
+        kept[max(0, y - down) : y + h + down, max(0, x - across) : x + w + across] = 0
 
 
 def _thumbnail(picture: np.ndarray) -> bytes:

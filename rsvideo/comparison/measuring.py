@@ -45,10 +45,10 @@ def _values(
     entry: EntryPictures, *, pictures: Mapping[str, DecodedPicture], lumas: Mapping[str, np.ndarray], earlier: Mapping[str, np.ndarray]
 ) -> dict[str, float]:
     """All measures but the residual's; of the entries' lumas the first is the recording's."""
-    mine, recorded = lumas[entry.name], next(iter(lumas.values()))
+    mine, recording = lumas[entry.name], next(iter(lumas.values()))
     values = {"edge_width": metrics.edge_width(mine), "straightness": metrics.straightness(mine)[0]}
-    if recorded.shape == mine.shape:
-        values["ringing"] = metrics.ringing(mine, recorded)
+    if recording.shape == mine.shape:
+        values["ringing"] = metrics.ringing(mine, recording)
     if entry.role != "truth" and "truth" in pictures and pictures["truth"].codes.shape == pictures[entry.name].codes.shape:
         pair = metrics.aligned(pictures[entry.name].codes, pictures["truth"].codes)
         values |= {"psnr": metrics.psnr_of(pair), "ssim": metrics.ssim_of(pair)}
@@ -59,16 +59,16 @@ def _values(
 
 def residuals(entries: Sequence[EntryPictures], index: int, pictures: Mapping[str, DecodedPicture]) -> dict[str, Light]:
     """What each method leaves unexplained of a frame; one after the other, since compiled loops do not run in several threads."""
-    recorded = entries[0].name
-    found = {entry.name: _residual(entry, index, pictures, recorded) for entry in entries if entry.name in pictures}
+    recording = entries[0].name
+    found = {entry.name: _residual(entry, index, pictures, recording) for entry in entries if entry.name in pictures}
     return {name: light for name, light in found.items() if light is not None}
 
 
-def _residual(entry: EntryPictures, index: int, pictures: Mapping[str, DecodedPicture], recorded: str) -> Light | None:
+def _residual(entry: EntryPictures, index: int, pictures: Mapping[str, DecodedPicture], recording: str) -> Light | None:
     """Of a frame that a method restored where it was."""
     record = entry.records.get(index)
-    if entry.sidecar is None or record is None or entry.name == recorded or recorded not in pictures:
+    if entry.sidecar is None or record is None or entry.name == recording or recording not in pictures:
         return None
     if record.verdict != Verdict.RESTORED or entry.name.startswith(("rectify", "vidstab")):  # what was moved is not what the camera saw
         return None
-    return residual.of(record, entry.sidecar, pictures[recorded].light(), pictures[entry.name].light())
+    return residual.of(record, entry.sidecar, pictures[recording].light(), pictures[entry.name].light())

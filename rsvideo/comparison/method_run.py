@@ -4,12 +4,13 @@ import contextlib
 import json
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+from rsvideo.config import placing
 from rsvideo.config.files import UnreadableError, write_whole
 from rsvideo.config.request import Request
 from rsvideo.pipeline import deblur, fingerprint, processes
@@ -17,6 +18,8 @@ from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import Observer, Progress
 
 _EVERY = 0.1  # seconds between two reports on the work
+RUNNING = 0.9  # of a comparison's work, as its progress counts it; measuring is the rest; origin: by trial
+_GRACE = 5  # seconds in which a process whose answer has come may end by itself
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +40,7 @@ class Order:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Attempt:
+class MethodRun:
     """What a method came to."""
 
     method: str
@@ -54,18 +57,18 @@ class Attempt:
         return self.output.with_suffix(".rsvideo.json")
 
 
-def kept(order: Order) -> Attempt | None:
+def kept(order: Order) -> MethodRun | None:
     """What an earlier run came to, if that was the same request to the same program, and its result is still there."""
     try:
         held = json.loads(order.note.read_text(encoding="utf-8"))
         if held.pop("fingerprint") != _fingerprint(order) or not order.request.output.exists():
             return None
-        return Attempt(method=order.method, output=order.request.output, **{**held, "notes": tuple(held["notes"])})
+        return MethodRun(method=order.method, output=order.request.output, **{**held, "notes": tuple(held["notes"])})
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
 
 
-def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, observe: Observer) -> Iterator[Attempt]:
+def runs_of(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, observe: Observer) -> Iterator[MethodRun]:
     """Carry the orders out, `most` at a time, and hand over what each came to as it ends; whoever stops listening ends them all."""
     waiting, running = list(orders), dict[Connection, tuple[Order, BaseProcess]]()
     done = 0
@@ -75,7 +78,7 @@ def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, obse
             while waiting and len(running) < most:
                 order = waiting.pop(0)
                 order.request.output.parent.mkdir(parents=True, exist_ok=True)
-                order.note.unlink(missing_ok=True)
+                write_whole({order.note: b"{}"})  # what appears beside it from now on is ours
                 connection, child = processes.started(_serve, order, threads=threads, quiet=quiet)
                 running[connection] = order, child
             for connection in wait(list(running)):
@@ -85,7 +88,7 @@ def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, obse
                     answer = connection.recv()
                 except (EOFError, OSError):
                     fault = f"its process {processes.death(child)}"
-                    answer = Attempt(method=order.method, output=order.request.output, seconds=0.0, peak_bytes=0, fault=fault)
+                    answer = MethodRun(method=order.method, output=order.request.output, seconds=0.0, peak_bytes=0, fault=fault)
                 if isinstance(answer, Progress):
                     observe(Progress(stage=f"{order.method}: {answer.stage}", fraction=(done + answer.fraction) / len(orders)))
                     continue
@@ -102,13 +105,19 @@ def attempts(orders: Sequence[Order], *, most: int = 1, quiet: bool = True, obse
             _ended(connection, child)
 
 
-def all_of(orders: Sequence[Order], *, most: int = 1, resume: bool = True, quiet: bool = True, observe: Observer) -> list[Attempt]:
+def check(orders: Iterable[Order], *, overwrite: bool) -> None:
+    """Refuse names of results: of inputs with ValueError, of what no comparison made with FileExistsError."""
+    for order in orders:
+        placing.check(order.request.files, order.request.inputs, overwrite=overwrite or order.note.is_file())
+
+
+def all_of(orders: Sequence[Order], *, most: int = 1, resume: bool = True, quiet: bool = True, observe: Observer) -> list[MethodRun]:
     """What each order comes to, in their order; those that were carried out before are taken over with `resume`."""
-    done = {order: attempt for order in orders if resume and (attempt := kept(order)) is not None}
+    done = {order: run for order in orders if resume and (run := kept(order)) is not None}
     missing = [order for order in orders if order not in done]
     by_output = {order.request.output: order for order in missing}
-    for attempt in attempts(missing, most=most, quiet=quiet, observe=observe):
-        done[by_output[attempt.output]] = attempt
+    for run in runs_of(missing, most=most, quiet=quiet, observe=observe):
+        done[by_output[run.output]] = run
     return [done[order] for order in orders]
 
 
@@ -119,15 +128,15 @@ def settled(request: Request) -> Request:
     return request.replaced(motion=task.request.motion)
 
 
-def _note(order: Order, attempt: Attempt) -> None:
+def _note(order: Order, run: MethodRun) -> None:
     """Write down what became of an order, for a later run."""
-    values = {name: value for name, value in asdict(attempt).items() if name not in ("method", "output")}
+    values = {name: value for name, value in asdict(run).items() if name not in ("method", "output")}
     write_whole({order.note: json.dumps({**values, "fingerprint": _fingerprint(order)}).encode()})
 
 
 def _ended(connection: Connection, child: BaseProcess) -> None:
     connection.close()
-    child.join(5)
+    child.join(_GRACE)
     child.kill()
     child.join()
 
@@ -145,7 +154,7 @@ def _serve(connection: Connection, order: Order) -> None:
     connection.send(carried_out(order, observe))
 
 
-def carried_out(order: Order, observe: Observer) -> Attempt:
+def carried_out(order: Order, observe: Observer) -> MethodRun:
     """What the method comes to in this process."""
     begun, notes, fault = time.perf_counter(), (), None
     try:
@@ -153,7 +162,7 @@ def carried_out(order: Order, observe: Observer) -> Attempt:
         notes = (*task.notes, *deblur.carry_out(task, observe).notes)
     except Exception as error:
         fault = error
-    return Attempt(
+    return MethodRun(
         method=order.method,
         output=order.request.output,
         seconds=time.perf_counter() - begun,

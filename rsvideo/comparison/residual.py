@@ -12,9 +12,9 @@ _TERMS = 20  # of the spline that stands for a sampled trajectory
 _SAMPLES = 16  # of each scanline's exposure
 
 
-def of(record: FrameRecord, sidecar: Sidecar, recorded: Light, restored: Light) -> Light | None:
-    """b - K l in luminance, and where it is known; None where the method does not say how it explains the frame."""
-    (b, valid), (latent, _) = recorded, restored
+def of(record: FrameRecord, sidecar: Sidecar, recording: Light, restored: Light) -> Light | None:
+    """b - K l in luminance, and where it has a value; None where the method does not say how it explains the frame."""
+    (b, valid), (latent, _) = recording, restored
     if b.shape != latent.shape:
         return None
     if record.psfs is not None:

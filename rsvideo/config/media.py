@@ -1,5 +1,6 @@
-"""Photographs and clips, told apart by their names."""
+"""Photographs and clips, distinguished by their names."""
 
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -9,6 +10,11 @@ SEQUENCES = ("png", "tiff", "exr")  # codecs that write folders of pictures
 _NUMBERED = "#%*"  # marks of a pattern that stands for numbered pictures: frame_####.dng, frame_%04d.dng, frame_*.dng
 
 
+def is_folder(path: Path) -> bool:
+    """Whether a path names a folder; a name that is too long, or a link in a circle, names none."""
+    return os.path.isdir(path)  # noqa: PTH112 # Path.is_dir raises on such names
+
+
 def is_pattern(path: Path) -> bool:
     """Whether a name stands for numbered pictures."""
     return any(mark in path.name for mark in _NUMBERED)
@@ -16,7 +22,7 @@ def is_pattern(path: Path) -> bool:
 
 def is_sequence(path: Path) -> bool:
     """Whether the frames are pictures of their own, in a folder or under a pattern."""
-    return path.is_dir() or is_pattern(path)
+    return is_folder(path) or is_pattern(path)
 
 
 def is_clip(path: Path) -> bool:

@@ -16,7 +16,7 @@ class Method(enum.StrEnum):
     RECTIFY_NONUNIFORM = "rectify+nonuniform"
     VIDSTAB = "vidstab"  # whole frames steadied by FFmpeg's vid.stab, an extra
     VIDSTAB_UNIFORM = "vidstab+uniform"
-    GYRO = "gyro"  # along the motion that a gyroscope has recorded
+    GYRO = "gyro"  # along the motion that a gyroscope has measured
     GYRO_REFINE = "gyro+refine"  # the project's own restoration, started there
 
     @property
@@ -41,5 +41,5 @@ class Method(enum.StrEnum):
 
     @property
     def needs_clip(self) -> bool:
-        """Whether the motion is seen between frames."""
+        """Whether the method finds the motion between frames."""
         return self.rectifies or self.steadied

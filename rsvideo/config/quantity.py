@@ -7,7 +7,8 @@ from fractions import Fraction
 HAND_HELD_LIMIT = 1.0  # seconds; a hand-held exposure or readout beyond this is a slip of the unit
 SLOWEST_RATE, FASTEST_RATE = Fraction(1, 100), 100_000  # frames a second; a rate outside is a slip of the unit
 _SAME_RATE = 0.002  # of a rate; 30 and 29.97 are one mode of a camera, 30 and 25 are two
-_MOST_DIGITS = 40  # characters of a rate: a fraction of more takes long to parse
+_MOST_CHARACTERS = 60  # of a quantity; patterns and exact fractions take long over more
+_RATE = re.compile(r"\s*(\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})(?:\s*/\s*(\d{1,20}))?\s*")
 
 _SECONDS_PER_UNIT = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _TIME = re.compile(r"\s*([-+]?)(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)(?:\s*/\s*(\d+\.?\d*))?\s*([a-zµμ]*)\s*", re.IGNORECASE)
@@ -17,7 +18,7 @@ _SPAN = re.compile(rf"\s*{_CLOCK}\s*-\s*{_CLOCK}\s*")
 
 def seconds(name: str, text: str) -> float:
     """The time that `text` writes; `name` is what an error calls it."""
-    rule = f"{name} must be a time such as 1/50, 20ms or 0.02 (seconds), got {text!r}"
+    rule = f"{name} must be a time such as 1/50, 20ms or 0.02 (seconds), got {_bounded(name, text)!r}"
     if not (match := _TIME.fullmatch(text)):
         raise ValueError(rule + ("; write the decimal point as a point" if "," in text else ""))
     sign, number, divisor, unit = match.groups()
@@ -30,14 +31,22 @@ def seconds(name: str, text: str) -> float:
     return float(number) / float(divisor or 1) * _SECONDS_PER_UNIT[unit.lower()]
 
 
+def _bounded(name: str, text: str) -> str:
+    """The text itself, if it is short enough to be a quantity."""
+    if len(text) > _MOST_CHARACTERS:
+        raise ValueError(f"{name} must be written in at most {_MOST_CHARACTERS} characters, got {len(text)}: {text[:20]!r}...")
+    return text
+
+
 def frame_rate(text: str) -> Fraction:
     """The frames a second that `text` writes; ValueError for what is none, or what no camera has."""
-    try:
-        value = Fraction(text[:_MOST_DIGITS])
-    except (ValueError, ZeroDivisionError):
-        value = Fraction(0)
+    value = Fraction(0)
+    if (found := _RATE.fullmatch(_bounded("rate", text))) and (divisor := int(found[2] or 1)):
+        value = Fraction(found[1]) / divisor
     if not SLOWEST_RATE <= value <= FASTEST_RATE:
-        raise ValueError(f"rate must be a number of frames a second such as 25 or 24000/1001, got {text[:_MOST_DIGITS]!r}")
+        raise ValueError(
+            f"rate must be a number of frames a second such as 25 or 24000/1001, from {SLOWEST_RATE} to {FASTEST_RATE}, got {text!r}"
+        )
     return value
 
 
@@ -56,7 +65,7 @@ def hand_held(name: str, value: float, *, zero: bool) -> float:
 
 def span(text: str) -> tuple[float, float]:
     """The seconds that `00:10-00:12` or `10-12.5` writes."""
-    rule = f"range must read like 00:10-00:12 or 10-12.5, from an earlier to a later time in the clip, got {text!r}"
+    rule = f"range must read like 00:10-00:12 or 10-12.5, from an earlier to a later time in the clip, got {_bounded('range', text)!r}"
     if not (match := _SPAN.fullmatch(text)):
         raise ValueError(rule)
     first, last = (sum(float(part) * 60**power for power, part in enumerate(reversed(end.split(":")))) for end in match.groups())
@@ -67,7 +76,7 @@ def span(text: str) -> tuple[float, float]:
 
 def pixels(name: str, text: str) -> float:
     """The positive length in pixels that `text` writes."""
-    number = text.strip().lower().removesuffix("px")
+    number = _bounded(name, text).strip().lower().removesuffix("px")
     try:
         value = float(number)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What is asked of one photograph or clip: every option with its type, unit, bounds, default and words, once.
+"""The request for one photograph or clip: every option with its type, unit, bounds, default and words, once.
 
 The command line, the sections of a job's file and its JSON Schema are made from these models. A new option is a field here,
 and the place that uses it.
@@ -17,6 +17,7 @@ from rsvideo.config import media, option
 from rsvideo.config.media import Codec
 from rsvideo.config.method import Method
 from rsvideo.config.option import Option, OptionField
+from rsvideo.config.quantity import frame_rate
 from rsvideo.config.units import Angle, CurveName, Pixels, Range, Rate, Time, TimeOrZero
 from rsvideo.physics.shutter import Direction
 
@@ -61,7 +62,7 @@ class Input(Section):
     @property
     def frame_rate(self) -> Fraction | None:
         """Of a sequence of pictures, as far as it is stated."""
-        return None if self.rate is None else Fraction(self.rate)
+        return None if self.rate is None else frame_rate(self.rate)
 
 
 class Camera(Section):
@@ -281,6 +282,15 @@ class Request(Sections):
     def files(self) -> tuple[Path, ...]:
         """All that is written."""
         return (self.output, self.record, self.log) if self.is_clip else (self.output, self.record)
+
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """All that is read: the source, pictures that it may stand for, and the files that options name."""
+        named = [Path(value) for each in option_fields() if each.option.is_file and (value := self.value(each)) is not None]
+        pictures = []
+        if media.is_pattern(self.source) and not self.source.exists() and self.source.parent.is_dir():
+            pictures = [each for each in self.source.parent.iterdir() if each.suffix.lower() == self.source.suffix.lower()]
+        return (self.source, *pictures, *(each for each in named if each.is_file()))
 
     def replaced(self, **changes: Any) -> "Request":
         """The same with changes: `replaced(output=path, deblur={"method": Method.NONE})`."""

@@ -5,6 +5,7 @@ It is written, and where one line holds one frame also read, frame by frame: mem
 
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     JsonValue,
@@ -22,19 +24,30 @@ from pydantic import (
     model_validator,
 )
 
-from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.config.files import UnreadableError, opened, read_whole
+from rsvideo.config.printable import in_unicode
 from rsvideo.physics import distortion
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.noise import Noise
-from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.shutter import LONGEST_MODELLED, Direction, ShutterTiming
 
 MOST_BYTES = 100_000_000
+MOST_ITEMS = 2_000_000  # values that are parsed at a time; each takes up to a hundred bytes of memory, however short it is written
 _LONGEST_LINE = 16_000_000
+_FRAMES, _END = b',"frames":[\n', b"]}\n"  # of the first line; the last line
 _INDEX = re.compile(rb'\{"index":(\d{1,12}),')
 _STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
 _FEWEST = 64  # samples
+LEAST_STEP = 1e-9  # seconds; over less, no curve through the samples stays finite
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
+Seconds = Annotated[float, Field(allow_inf_nan=False, ge=-1000, le=1000)]  # within a frame's interval, which is shorter than 20
+Shift = Annotated[float, Field(allow_inf_nan=False, ge=-1e5, le=1e5)]  # px
+Turn = Annotated[float, Field(allow_inf_nan=False, ge=-100, le=100)]  # rad
+Side = Annotated[int, Field(gt=0, le=100_000)]  # px
+Focal = Annotated[float, Field(allow_inf_nan=False, ge=1, le=1e7)]  # px
+Middle = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]  # px
+Words = Annotated[str, BeforeValidator(lambda name: in_unicode(name) if isinstance(name, str) else name), Field(max_length=5000)]
 
 
 class _Record(BaseModel):
@@ -47,26 +60,26 @@ _Kind = TypeVar("_Kind", bound=_Record)
 class Timing(_Record):
     """When the scanlines of a frame collect light, and where that is from."""
 
-    exposure_s: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    row_time_s: Annotated[float, Field(ge=0, allow_inf_nan=False)]
-    source: str
+    exposure_s: Annotated[float, Field(gt=0, lt=LONGEST_MODELLED, allow_inf_nan=False)]
+    row_time_s: Annotated[float, Field(ge=0, lt=LONGEST_MODELLED, allow_inf_nan=False)]
+    source: Words
 
 
 class Sampled(_Record):
     """A trajectory in image coordinates, sampled over the frame's whole interval; 0 opens the first scanline."""
 
-    t_s: Annotated[list[Finite], Field(min_length=2)]
-    x_px: list[Finite]
-    y_px: list[Finite]
-    roll_rad: list[Finite]
+    t_s: Annotated[list[Seconds], Field(fail_fast=True, min_length=2)]
+    x_px: Annotated[list[Shift], Field(fail_fast=True)]
+    y_px: Annotated[list[Shift], Field(fail_fast=True)]
+    roll_rad: Annotated[list[Turn], Field(fail_fast=True)]
 
     @model_validator(mode="after")
     def _check(self) -> "Sampled":
         lengths = {name: len(getattr(self, name)) for name in ("t_s", "x_px", "y_px", "roll_rad")}
         if len(set(lengths.values())) > 1:
             raise ValueError(f"t_s, x_px, y_px and roll_rad must be equally long, they hold {', '.join(map(str, lengths.values()))}")
-        if np.any(np.diff(self.t_s) <= 0):
-            raise ValueError("t_s must rise from each sample to the next")
+        if np.any(np.diff(self.t_s) < LEAST_STEP):
+            raise ValueError(f"t_s must rise from each sample to the next, by {LEAST_STEP:g} s or more")
         return self
 
     @staticmethod
@@ -88,18 +101,29 @@ class Sampled(_Record):
 class FrameRecord(_Record):
     """What became of one frame."""
 
-    index: Annotated[int, Field(ge=0)]
+    index: Annotated[int, Field(ge=0, le=10**12)]
     time_s: Finite
     timing: Timing
     trajectory: Sampled
-    to_next: Annotated[list[Finite], Field(min_length=3, max_length=3)] | None = None
+    to_next: Annotated[list[Shift], Field(min_length=3, max_length=3)] | None = None
     """Of a clip: from the pose at this frame's middle to that at the next one's, x and y in px, roll in rad; None at a cut."""
-    verdict: str
-    seconds: Annotated[float, Field(ge=0)]
-    convergence: Annotated[list[Finite], Field(max_length=10_000)] = []
+    verdict: Words
+    seconds: Annotated[Finite, Field(ge=0)]
+    convergence: Annotated[list[Finite], Field(fail_fast=True, max_length=10_000)] = []
     """The objective after each step of the last refinement of the trajectory."""
-    psfs: Annotated[list[list[list[list[Finite]]]], Field(max_length=64)] | None = None
+    psfs: Annotated[list[list[list[list[Finite]]]], Field(fail_fast=True, min_length=1, max_length=64)] | None = None
     """PSFs over a grid of the frame, (down, across, k, k), of methods that know no trajectory."""
+
+    @model_validator(mode="after")
+    def _check(self) -> "FrameRecord":
+        if self.psfs is not None:
+            try:
+                rows, cols = np.array(self.psfs).shape[2:]
+            except ValueError as error:
+                raise ValueError("psfs must be a grid of squares, all of one size") from error
+            if rows != cols or not rows:
+                raise ValueError(f"psfs must be a grid of squares, all of one size, they are {rows} x {cols}")
+        return self
 
     def encode(self) -> bytes:
         """One line of JSON, without what there is nothing to say of."""
@@ -111,7 +135,7 @@ class Lens(_Record):
     """How the lens bends rays, in OpenCV's models and order of coefficients."""
 
     model: distortion.Model
-    coefficients: list[Finite]
+    coefficients: Annotated[list[Finite], Field(fail_fast=True, max_length=20)]
 
 
 class SensorNoise(_Record):
@@ -124,15 +148,20 @@ class SensorNoise(_Record):
 class Camera(_Record):
     """The camera that was assumed, in pixels, and where its focal length came from."""
 
-    fx: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    fy: Annotated[float, Field(gt=0, allow_inf_nan=False)]
-    cx: Finite
-    cy: Finite
-    rows: Annotated[int, Field(gt=0)]
-    cols: Annotated[int, Field(gt=0)]
-    source: str  # "explicit", "EXIF", "assumed", or the profile or metadata that states it
+    fx: Focal
+    fy: Focal
+    cx: Middle
+    cy: Middle
+    rows: Side
+    cols: Side
+    source: Words  # "explicit", "EXIF", "assumed", or the profile or metadata that states it
     distortion: Lens | None = None  # None: a pinhole camera
     noise: SensorNoise | None = None  # None: measured in each frame
+
+    @model_validator(mode="after")
+    def _check(self) -> "Camera":
+        _ = self.intrinsics, self.sensor_noise  # which say what a lens and a noise cannot be
+        return self
 
     @classmethod
     def of(cls, intrinsics: Intrinsics, source: str, noise: Noise | None = None) -> "Camera":
@@ -170,27 +199,60 @@ class Camera(_Record):
 class Settings(_Record):
     """All that steered the work, so that it can be repeated."""
 
-    rsvideo: str  # the program's version
+    rsvideo: Words  # the program's version
     camera: Camera
     direction: Direction
     transfer: Annotated[str, Field(max_length=100)]  # the curve's name
-    trajectory_from: str | None  # the file, where the motion was given
+    trajectory_from: Words | None  # the file, where the motion was given
     restoration: dict[str, JsonValue]  # the core's own settings, under their names
     input_sha256: str | None = None
     encoding: dict[str, JsonValue] = {}  # of a clip
 
 
-class Sidecar(_Record):
-    """The whole file."""
+class Mark(_Record):
+    """By which a job knows its results again; paths are relative to the sidecar's folder."""
+
+    job: str
+    input: str
+    settings: str  # fingerprints
+    source: str
+
+
+class Written(_Record):
+    """What was written with the sidecar, and what became of it."""
+
+    sha256: dict[Words, str]  # of files by their names; of a folder, over its files' names and hashes
+    restored: Annotated[int, Field(ge=0)]
+    left: Annotated[int, Field(ge=0)]
+    failed: Annotated[int, Field(ge=0)]
+    seconds: Annotated[float, Field(ge=0)]
+    notes: tuple[Words, ...]
+    mark: Mark | None = None  # None: by no job
+
+
+class _Head(_Record):
+    """The whole file but for its frames."""
 
     version: Literal[1] = 1
-    input: str
+    input: Words
     settings: Settings
-    frames: Annotated[list[FrameRecord], Field(min_length=1)]
+    written: Written | None = None  # None: by a program that did not state it
+
+
+class Sidecar(_Head):
+    """The whole file."""
+
+    frames: Annotated[list[FrameRecord], Field(fail_fast=True, min_length=1)]
+
+    @model_validator(mode="after")
+    def _check(self) -> "Sidecar":
+        for frame in self.frames:
+            _ = self.timing(frame)  # which says what a readout cannot be
+        return self
 
     def encode(self) -> bytes:
         """The JSON file."""
-        return b"".join(encoded(self.input, self.settings, self.frames))
+        return b"".join(encoded(self.input, self.settings, self.frames, self.written))
 
     def timing(self, frame: FrameRecord) -> ShutterTiming:
         """The shutter of one frame."""
@@ -199,47 +261,87 @@ class Sidecar(_Record):
         return ShutterTiming(exposure=frame.timing.exposure_s, row_time=frame.timing.row_time_s, rows=scanlines, direction=direction)
 
 
-def encoded(source: str, settings: Settings, frames: Iterable[FrameRecord]) -> Iterator[bytes]:
+def encoded(source: str, settings: Settings, frames: Iterable[FrameRecord], written: Written | None = None) -> Iterator[bytes]:
     """The JSON file piece by piece: a line for what concerns all frames, and one for each frame."""
-    yield f'{{"version":1,"input":{json.dumps(source)},"settings":{settings.model_dump_json()},"frames":['.encode()
+    files = "" if written is None else f',"written":{written.model_dump_json(exclude_none=True)}'
+    yield f'{{"version":1,"input":{json.dumps(in_unicode(source))},"settings":{settings.model_dump_json()}{files},"frames":['.encode()
     for number, frame in enumerate(frames):
         yield (b",\n" if number else b"\n") + frame.encode()
-    yield b"\n]}\n"
+    yield b"\n" + _END
 
 
-def read(path: Path) -> Sidecar:
-    """The sidecar in a file; the first fault is named with its key."""
-    return _understood(Sidecar, path, read_whole(path, most=MOST_BYTES))
+def written(path: Path) -> Written | None:
+    """What a sidecar states of the files beside it; None where it does not, or is not whole."""
+    try:
+        with opened(path) as file:
+            line = file.readline(_LONGEST_LINE)
+            file.seek(-len(_END), os.SEEK_END)
+            whole = line.endswith(_FRAMES) and file.read() == _END
+        return Written.model_validate(json.loads(line.removesuffix(_FRAMES) + b"}").get("written")) if whole else None
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def read(path: Path, *, most_frames: int | None = None) -> Sidecar:
+    """The sidecar in a file, with its first frames or all of them; the first fault is named with its key."""
+    lines = _lines(path)
+    if not (first := next(lines, b"")):  # it was written by others
+        return _whole(path, most_frames)
+    head = _understood(_Head, path, first.removesuffix(_FRAMES) + b"}")
+    records: list[FrameRecord] = []
+    left = MOST_BYTES
+    while (line := next(lines, b"")) != _END and len(records) != most_frames:
+        left -= len(line)
+        if left < 0 or not _INDEX.match(line):
+            return _whole(path, most_frames)
+        records.append(_understood(FrameRecord, path, line.rstrip(b",\n"), "frames", str(len(records))))
+    try:
+        return Sidecar(version=head.version, input=head.input, settings=head.settings, written=head.written, frames=records)
+    except ValidationError as error:
+        raise _refused(path, error) from error
+
+
+def _whole(path: Path, most_frames: int | None) -> Sidecar:
+    """The same of a file in any layout."""
+    held = _understood(Sidecar, path, read_whole(path, most=MOST_BYTES))
+    return held.model_copy(update={"frames": held.frames[:most_frames]})
 
 
 def frames(path: Path, wanted: Collection[int]) -> dict[int, FrameRecord]:
     """The frames of these indices, as far as the file holds them; others are not kept."""
     lines = _lines(path)
     found: dict[int, FrameRecord] = {}
-    while (line := next(lines, None)) != b"]}\n":
-        begins = None if line is None else _INDEX.match(line)
-        if line is None or begins is None:  # it was written by others
+    next(lines, b"")
+    while (line := next(lines, b"")) != _END:
+        if not (begins := _INDEX.match(line)):  # it was written by others
             return {frame.index: frame for frame in read(path).frames if frame.index in wanted}
         if (index := int(begins[1])) in wanted:
-            found[index] = _understood(FrameRecord, path, line.rstrip(b",\n"))
+            found[index] = _understood(FrameRecord, path, line.rstrip(b",\n"), f"the frame of index {index}")
     return found
 
 
 def _lines(path: Path) -> Iterator[bytes]:
-    """The lines that `encoded` writes below the first; fewer where the file was not written by it."""
-    try:
-        with path.open("rb") as file:
-            if file.readline(_LONGEST_LINE).endswith(b'"frames":[\n'):
-                while (line := file.readline(_LONGEST_LINE)).endswith(b"\n"):
-                    yield line
-    except OSError as error:
-        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
+    """The lines that `encoded` writes; none where the file was not written by it."""
+    with opened(path) as file:
+        first = file.readline(_LONGEST_LINE)
+        if first.endswith(_FRAMES):
+            yield first
+            while (line := file.readline(_LONGEST_LINE)).endswith(b"\n"):
+                yield line
 
 
-def _understood(kind: type[_Kind], path: Path, data: bytes) -> _Kind:
+def _understood(kind: type[_Kind], path: Path, data: bytes, *within: str) -> _Kind:
+    """What a piece of JSON holds that stands `within` these keys of the file."""
+    if (items := sum(data.count(mark) for mark in (b",", b"[", b"{"))) > MOST_ITEMS:
+        raise UnreadableError(f"{path} must hold at most {MOST_ITEMS} values, it holds {items}; is it a sidecar that rsvideo wrote?")
     try:
         return kind.model_validate_json(data)
     except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise UnreadableError(f"{path}: {key + ': ' if key else ''}{first['msg']}; is it a sidecar that rsvideo wrote?") from error
+        raise _refused(path, error, *within) from error
+
+
+def _refused(path: Path, error: ValidationError, *within: str) -> UnreadableError:
+    first = error.errors(include_url=False, include_input=False)[0]
+    key = ".".join([*within, *map(str, first["loc"])])
+    words = str(first["msg"]).removeprefix("Value error, ")
+    return UnreadableError(f"{path}: {key + ': ' if key else ''}{words}; is it a sidecar that rsvideo wrote?")

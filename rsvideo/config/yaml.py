@@ -16,6 +16,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from rsvideo.config.files import read_whole
+from rsvideo.config.printable import printable
 
 MOST_BYTES = 256_000
 DEEPEST = 32  # mappings and sequences within each other
@@ -32,7 +33,7 @@ _MOST_LISTED = 20  # names that fit one line of an error
 _MOST_SHOWN = 60  # characters of a value in an error
 _WORDS: Mapping[str, bool | None] = {"": None, "~": None, "null": None, "true": True, "false": False}
 _TAGS = {None, "!", *(f"tag:yaml.org,2002:{kind}" for kind in ("str", "map", "seq"))}
-_MESSAGES = {"extra_forbidden": "there is no such key", "missing": "must be given"}
+_MESSAGES = {"extra_forbidden": "there is no such key", "missing": "must be given", "model_type": "must be a mapping of keys"}
 
 
 class ConfigError(ValueError):
@@ -108,11 +109,10 @@ def meant(word: object, names: Iterable[str]) -> str:
     return f"; there is {', '.join(by_spelling.values())}" if 0 < len(by_spelling) <= _MOST_LISTED else ""
 
 
-def shown(value: object) -> str:
+def shown(value: object, *, most: int = _MOST_SHOWN) -> str:
     """A value as an error line may show it: printable, and not too long."""
-    text = str(value) if isinstance(value, str | int) else repr(value)
-    text = text if text.isprintable() else repr(text)
-    return text if len(text) <= _MOST_SHOWN else text[: _MOST_SHOWN - 3] + "..."
+    text = printable(str(value) if isinstance(value, str | int) else repr(value))
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def _explained(model: type[BaseModel], fault: Any) -> tuple[Key, str]:
@@ -208,7 +208,7 @@ class _Reader:
 
     def _scalar(self, event: yaml.ScalarEvent, key: Key) -> Any:
         text = self._text(event, key)
-        if not event.implicit[0]:  # quoted, or said to be text
+        if not event.implicit[0]:  # quoted, or tagged as text
             return text
         if text.lower() in _WORDS:
             return _WORDS[text.lower()]

@@ -12,7 +12,7 @@ from numba import njit, prange
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
-from rsvideo.physics.camera import Intrinsics, pinhole_from_px, px_from_pinhole
+from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.rotation import cross, left_jacobian
 from rsvideo.physics.shutter import ShutterTiming
@@ -20,8 +20,8 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.physics.warp import taps
 
 SAMPLES = 30  # K of Eq. (3); the paper's (Sec. 5)
-LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
 PARTS = 8  # private copies of the latent image, at most, into which threads scatter
+_REACH_COLS = 5  # columns of each scanline at which the largest move is looked for; a homography moves the ends most
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,8 +214,8 @@ class BlurOperator:
 
 def _reach(maps: Float[np.ndarray, "s k 3 3"], camera: Intrinsics, image_from_scan: Float[np.ndarray, "3 3"]) -> tuple[float, float]:
     """The largest move of any pixel in the image's x and y."""
-    x, y = np.meshgrid(np.linspace(0, camera.cols - 1, 5), np.arange(camera.rows, dtype=float))
-    at = np.concatenate([np.moveaxis(pinhole_from_px(camera, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, 5)
+    x, y = np.meshgrid(np.linspace(0, camera.cols - 1, _REACH_COLS), np.arange(camera.rows, dtype=float))
+    at = np.concatenate([np.moveaxis(pinhole_from_px(camera, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, columns)
     mapped = np.einsum("skab,bsc->aksc", maps, at)
     if not (mapped[2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
@@ -308,7 +308,7 @@ def _shift_jacobian(L, row, row_weights, col, col_weights, J_p, out):
 
 @no_type_check
 @njit(cache=True, inline="always")
-def _seen(H, x, y):
+def _mapped(H, x, y):
     """w(x; p) of Eq. (4)."""
     w = H[2, 0] * x + H[2, 1] * y + H[2, 2]
     return (H[0, 0] * x + H[0, 1] * y + H[0, 2]) / w, (H[1, 0] * x + H[1, 1] * y + H[1, 2]) / w, w
@@ -324,7 +324,7 @@ def _turn_forward(L, maps, ideal, lens, top, left, out):
         for j in range(along):
             total = 0.0
             for k in range(samples):
-                x, y, _ = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                x, y, _ = _mapped(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
                 x, y, _, _, _, _ = bent(x, y, lens)
                 c, r = int(np.floor(x)), int(np.floor(y))
                 a, b = x - c, y - r
@@ -347,7 +347,7 @@ def _turn_adjoint(frame, maps, ideal, lens, top, left, parts):
             for j in range(along):
                 value = frame[i, j] / samples
                 for k in range(samples):
-                    x, y, _ = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                    x, y, _ = _mapped(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
                     x, y, _, _, _, _ = bent(x, y, lens)
                     c, r = int(np.floor(x)), int(np.floor(y))
                     a, b = x - c, y - r
@@ -369,7 +369,7 @@ def _turn_jacobian(L, maps, derivatives, ideal, lens, J_p, top, left, out):
         for j in range(along):
             total[:] = 0
             for k in range(samples):
-                u, v, w = _seen(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
+                u, v, w = _mapped(maps[i, k], ideal[i, j, 0], ideal[i, j, 1])
                 x, y, xu, xv, yu, yv = bent(u, v, lens)
                 c, r = int(np.floor(x)), int(np.floor(y))
                 a, b = x - c, y - r

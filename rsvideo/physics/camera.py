@@ -1,4 +1,4 @@
-"""Which ray each pixel looks along, and where it moves when the camera turns.
+"""Which ray each pixel receives light along, and where it moves when the camera turns.
 
 A lens may bend rays (`distortion`): with D from a ray to where it is shown and U its inverse, pixel x samples the latent image at
 w(x; p) = D(R U(x)), which is the homography C R C^-1 of Eq. (4) for a pinhole camera. The latent image keeps the lens's own geometry.
@@ -17,6 +17,9 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 
 _BORDER = 9  # points of each side of the frame where a lens is checked
 _MET = 1e-6  # px, by which the lens must be invertible there
+LEAST_DEPTH = 0.1  # of a ray after a turn of the camera, 1 before it: less is a turn by almost a right angle
+MOST_FOCAL_PX = 1e7  # px; no lens is so long, a number in other units may be
+_REACH_SLACK = 1e-9  # on the plane z = 1; rounding alone does not put a ray beyond the reach of a lens
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +36,7 @@ class Intrinsics:
 
     def __post_init__(self) -> None:
         for name, value in (("fx", self.fx), ("fy", self.fy)):
-            if not (math.isfinite(value) and 1 <= value < 1e7):
+            if not (math.isfinite(value) and 1 <= value < MOST_FOCAL_PX):
                 raise ValueError(f"focal length {name} must lie in [1, 1e7) px, got {value:g} px; is it in millimetres?")
         if min(self.rows, self.cols) < 1:
             raise ValueError(f"an image has at least one row and column, got {self.rows} x {self.cols}")
@@ -68,7 +71,7 @@ class Intrinsics:
 
 
 def ray_from_px(intrinsics: Intrinsics, x: Float[np.ndarray, "*n"], y: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n 2"]:
-    """(u, v) of the ray (u, v, 1) that the pixel (x, y) of the frame looks along."""
+    """(u, v) of the ray (u, v, 1) that the pixel (x, y) of the frame receives light along."""
     u, v = (x - intrinsics.cx) / intrinsics.fx, (y - intrinsics.cy) / intrinsics.fy
     return intrinsics.distortion.undistorted(u, v) if intrinsics.distortion else np.stack([u, v], axis=-1)
 
@@ -100,7 +103,9 @@ def _check_invertible(intrinsics: Intrinsics, lens: Distortion) -> None:
     ray = ray_from_px(c, x, y)
     with np.errstate(all="ignore"):
         met = np.abs(px_from_ray(c, ray[:, 0], ray[:, 1]) - np.stack([x, y], axis=-1)).max(axis=-1) < _MET
-        met &= (np.linalg.det(lens.slopes(ray[:, 0], ray[:, 1])) > 0) & (np.hypot(ray[:, 0], ray[:, 1]) <= math.tan(lens.reach) + 1e-9)
+        met &= (np.linalg.det(lens.slopes(ray[:, 0], ray[:, 1])) > 0) & (
+            np.hypot(ray[:, 0], ray[:, 1]) <= math.tan(lens.reach) + _REACH_SLACK
+        )
     if not met.all():
         edge = f"{math.degrees(lens.reach):.0f} degrees off its axis"
         why = f"sees farther than {edge}" if lens.reach == WIDEST else f"folds over {edge}"

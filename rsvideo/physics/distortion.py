@@ -19,6 +19,8 @@ _TERMS = 12  # k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
 _NODES = 513  # of the radial table from which the inverse starts
 _ROUNDS = 8  # of Newton's method; from the table it needs two or three
 _CLOSE = 1e-8  # on the plane z = 1; the step that follows squares it
+_AXIS = 1e-30  # on the plane z = 1, squared: keeps the axis itself from dividing by nothing
+_REAL = 1e-9  # part of a root that may be imaginary: rounding makes real double roots complex
 
 Model = Literal["brown-conrady", "fisheye"]
 
@@ -123,7 +125,7 @@ def brown_conrady(u, v, c, limit):  # of arrays, or compiled of scalars: one sou
 @no_type_check
 def fisheye(u, v, c, limit):
     """As `brown_conrady`: theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)."""
-    r2 = u * u + v * v + 1e-30  # the axis itself divides by nothing
+    r2 = u * u + v * v + _AXIS
     angle = np.arctan(np.sqrt(r2))
     theta = np.minimum(angle, limit)
     t = theta * theta
@@ -137,4 +139,4 @@ def fisheye(u, v, c, limit):
 def _positive(polynomial: Polynomial) -> list[float]:
     """Its real roots above 0."""
     roots = polynomial.trim().roots()
-    return [float(root.real) for root in roots if root.real > 0 and abs(root.imag) <= 1e-9 * abs(root)]
+    return [float(root.real) for root in roots if root.real > 0 and abs(root.imag) <= _REAL * abs(root)]

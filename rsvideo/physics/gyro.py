@@ -1,6 +1,8 @@
 """From a gyroscope's log to the path of a frame."""
 
 import math
+from array import array
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +16,10 @@ from rsvideo.physics.trajectory import Spline, Trajectory, fit
 FASTEST = 40.0  # rad/s; the widest range of a phone's gyroscope is 2000 degrees/s = 35 rad/s
 MOST_SAMPLES = 5_000_000  # a day at 58 Hz, an hour at 1400 Hz
 LONGEST = 20.0  # s; the longest exposure and readout together
+SHORTEST_STEP, LONGEST_STEP = 2e-5, 0.1  # s between samples: 50,000 Hz is beyond all sensors, 10 Hz shows no hand shake
+LONGEST_LOG_NS = 10**16  # ns, 116 days: times so far apart are no nanoseconds of one log
+WIDEST_GAP = 20  # steps; a log that lacks more samples in a row says too little of what lies between; origin: by trial
+_HALF_STEPS, _MORE_STEPS = 4, 16  # half of the integration steps for each of the log's samples, and steps beyond; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +38,7 @@ class GyroLog:
         if len(late):
             raise ValueError(f"times of a gyro log must increase, sample {late[0] + 2} is not after the one before it")
         step = float(np.median(np.diff(self.times)))
-        if not 2e-5 <= step <= 0.1:
+        if not SHORTEST_STEP <= step <= LONGEST_STEP:
             raise ValueError(
                 f"a gyro log has between 10 and 50000 samples a second, got one every {step:.3g} s; are its times in nanoseconds?"
             )
@@ -46,33 +52,32 @@ class GyroLog:
         return float(np.median(np.diff(self.times)))
 
 
-def parse(text: str, *, axes: str = "XYZ") -> GyroLog:
+def parse(lines: Iterable[str], *, axes: str = "XYZ") -> GyroLog:
     """A log of lines `t_ns wx wy wz` (blanks or commas; one header line and # comments are passed over).
 
     `axes` names the gyroscope's axis that lies along the camera's x (right), y (down) and z (forward); a small letter
     is the opposite sense. A phone held upright for a picture in portrait with its back camera has "Xyz".
     """
     check_axes(axes)
-    stamps: list[int] = []
-    rates: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), 1):
+    stamps, rates = array("q"), array("d")
+    for number, line in enumerate(lines, 1):
         fields = line.split("#", 1)[0].replace(",", " ").split()
         if not fields or (not stamps and _is_header(fields)):
             continue
         try:
             stamp, wx, wy, wz = fields
             stamps.append(int(stamp) if stamp.lstrip("+-").isdecimal() else round(float(stamp)))
-            rates.append([float(wx), float(wy), float(wz)])
+            rates.extend((float(wx), float(wy), float(wz)))
         except (ValueError, OverflowError):
             raise ValueError(f"line {number} of a gyro log must be `t_ns wx wy wz`, got {line[:60]!r}") from None
         if len(stamps) > MOST_SAMPLES:
             raise ValueError(f"a gyro log has at most {MOST_SAMPLES} samples")
     if not stamps:
         raise ValueError("the gyro log is empty; its lines are `t_ns wx wy wz`")
-    if max(stamps) - min(stamps) > 10**16:
-        raise ValueError(f"a gyro log spans at most {10**16} ns, got {max(stamps) - min(stamps)}; are its times in nanoseconds?")
-    times = np.array([stamp - stamps[0] for stamp in stamps], float) * 1e-9
-    return facing(GyroLog(times=times, rates=np.array(rates)), axes)
+    if max(stamps) - min(stamps) > LONGEST_LOG_NS:
+        raise ValueError(f"a gyro log spans at most {LONGEST_LOG_NS} ns, got {max(stamps) - min(stamps)}; are its times in nanoseconds?")
+    times = (np.frombuffer(stamps, np.int64) - stamps[0]).astype(float) * 1e-9
+    return facing(GyroLog(times=times, rates=np.frombuffer(rates).reshape(-1, 3)), axes)
 
 
 def facing(log: GyroLog, axes: str) -> GyroLog:
@@ -109,7 +114,7 @@ def integrate(log: GyroLog, *, start: float, duration: float, steps: int) -> Flo
     first = np.searchsorted(log.times, start, side="right") - 1
     last = np.searchsorted(log.times, start + duration, side="left")
     widest = float(np.diff(log.times[first : last + 1]).max())
-    if widest > 20 * log.step:
+    if widest > WIDEST_GAP * log.step:
         raise ValueError(f"the gyro log has a gap of {widest:.3g} s near {start:g} s; choose another start")
     dt = duration / steps
     middles = start + (np.arange(steps) + 0.5) * dt
@@ -135,7 +140,7 @@ def integrals(log: GyroLog) -> CubicHermiteSpline:
 
 def path(log: GyroLog, *, camera: Intrinsics, start: float, duration: float) -> Trajectory:
     """The path of a frame whose first scanline opens `start` seconds into the log, with its origin at the middle."""
-    steps = 2 * math.ceil(4 * duration / log.step) + 16
+    steps = 2 * math.ceil(_HALF_STEPS * duration / log.step) + _MORE_STEPS
     angles = integrate(log, start=start, duration=duration, steps=steps)
     return spline_through(poses_from_angles(angles, camera=camera), duration=duration, spacing=log.step / 2)
 

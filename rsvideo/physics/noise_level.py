@@ -9,8 +9,9 @@ BLOCK = 32  # px, the side of a block; origin: by trial
 QUIET = 25  # percentile of the blocks' fine noise that is taken: texture lifts the others; origin: by trial
 QUIET_COARSE = 10  # percentile of the blocks' power at coarse wavelengths, where texture is stronger; origin: by trial
 SHORTEST_WAVE, LONGEST_WAVE = 3, 6  # px, what deblurring amplifies most, and a camera's own denoising and JPEG leave
-SECTORS = 8  # directions told apart: blurred texture lacks some of them, grain has all alike; origin: by trial
+SECTORS = 8  # directions that are distinguished: blurred texture lacks some of them, grain has all alike; origin: by trial
 MEDIAN_DEVIATION = 0.6745  # the median of |x| of a normal variable with standard deviation 1
+_LEAST_POWER = 1e-12  # white being 1: a picture of one colour has no noise, and divides by this
 
 
 def noise_level(image: Float[np.ndarray, "rows cols"]) -> float:
@@ -40,4 +41,4 @@ def _coarse_noise(image: Float[np.ndarray, "rows cols"]) -> float:
     ring = (np.hypot(x, y) > 1 / LONGEST_WAVE) & (np.hypot(x, y) < 1 / SHORTEST_WAVE)
     sector = np.round(np.arctan2(y, x) * SECTORS / np.pi).astype(int) % SECTORS
     power = [np.percentile(spectra[:, ring & (sector == s)].mean(axis=1), QUIET_COARSE) for s in range(SECTORS)]
-    return float(np.sqrt(min(power)) * min(power) / max(*power, 1e-12))
+    return float(np.sqrt(min(power)) * min(power) / max(*power, _LEAST_POWER))

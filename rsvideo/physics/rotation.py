@@ -3,6 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
+_SMALL = 0.05  # rad; below, the series is exact to 1e-13 and the closed form loses digits
+
 
 def cross(v: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     """[v]_x, footnote 1 of the paper."""
@@ -17,5 +19,5 @@ def left_jacobian(omega: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]
     W = cross(omega)
     first = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2
     series = 1 / 6 - angle**2 / 120 + angle**4 / 5040
-    second = np.where(angle < 0.05, series, (angle - np.sin(angle)) / np.maximum(angle, 0.05) ** 3)
+    second = np.where(angle < _SMALL, series, (angle - np.sin(angle)) / np.maximum(angle, _SMALL) ** 3)
     return np.eye(3) + first * W + second * W @ W

@@ -36,6 +36,8 @@ MUSCLE = 12.0  # Hz
 PERIOD = 20.0  # s; the slowest component, and how soon the motion would repeat
 LONGEST = 3600.0  # s
 FASTEST = 100e3  # Hz
+SLOWEST = 100.0  # Hz, of samples; fewer do not hold the spectrum of a hand
+MOST_SAMPLES = 10_000_000  # of one shake: 240 MB of angles
 
 
 def rate_spectrum(f: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -55,13 +57,13 @@ def shake(rng: np.random.Generator, duration: float, rate: float, *, rms: float 
     """
     if not (math.isfinite(duration) and 0 < duration <= LONGEST):
         raise ValueError(f"duration of a shake must lie in (0, {LONGEST:g}] s, got {duration:g} s; is it in milliseconds?")
-    if not (math.isfinite(rate) and 100 <= rate <= FASTEST):
-        raise ValueError(f"rate of a shake must lie in [100, {FASTEST:g}] Hz to hold its spectrum, got {rate:g} Hz")
+    if not (math.isfinite(rate) and SLOWEST <= rate <= FASTEST):
+        raise ValueError(f"rate of a shake must lie in [{SLOWEST:g}, {FASTEST:g}] Hz to hold its spectrum, got {rate:g} Hz")
     if not (math.isfinite(rms) and rms >= 0):
         raise ValueError(f"rms of a shake must be at least 0 rad/s, got {rms:g} rad/s")
     count = math.ceil(duration * rate) + 1
-    if count > 10_000_000:
-        raise ValueError(f"a shake has at most 10 million samples, got {duration:g} s at {rate:g} Hz")
+    if count > MOST_SAMPLES:
+        raise ValueError(f"a shake has at most {MOST_SAMPLES // 10**6} million samples, got {duration:g} s at {rate:g} Hz")
     n = max(2 * count, math.ceil(PERIOD * rate))
     f = np.fft.rfftfreq(n, 1 / rate)[1:]
     power = rate_spectrum(f)

@@ -6,7 +6,6 @@ through the same lens. This is the slow twin of the blur operator and shares not
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import no_type_check
 
@@ -16,19 +15,26 @@ from numba import njit, prange
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
-from rsvideo.physics.camera import Intrinsics, pinhole_from_px, px_from_pinhole
+from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.progress import Observer, Progress, ignore
 
-BAND = 32  # scanlines rendered between two calls of `tell`, and before an interrupt is seen
+BAND = 32  # scanlines rendered between two reports of progress, and before an interrupt stops the work; origin: by trial
 SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
+USUAL_NOISE = 0.003  # standard deviation at half of white: about that of a phone at a low sensitivity
+MOST_GAIN = 1000.0  # that multiplies light; more is no exposure that anybody means
+STILL = 1e-9  # px; a motion whose longest PSF is shorter does not move
+_INSTANTS = 257  # of a frame's interval, at which the reach of its motion is measured; origin: by trial
+_EXPOSURE_INSTANTS = 33  # of a scanline's exposure, between which the ends of its PSF are looked for; origin: by trial
+_TAPS = 3  # px that a sample may read beyond its place, and rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rendering:
-    """A frame as the camera recorded it, and what it should have been."""
+    """A frame as the camera wrote it, and what it should have been."""
 
     blurred: Float32[np.ndarray, "rows cols channels"]  # linear light in [0, 1]
     truth: Float32[np.ndarray, "rows cols channels"]  # the scene at the pose of the middle of the frame's interval, without noise
@@ -44,14 +50,13 @@ def render(
     rng: np.random.Generator,
     samples: int = SAMPLES,
     gain: float = 1.0,
-    tell: Callable[[float], object] = float,
+    observe: Observer = ignore,
 ) -> Rendering:
     """The frame of `camera` at the middle of a `scene` in linear light, which is larger so that its borders show real content.
 
-    Poses are those of the image, whichever way its scanlines are read. Light above white / gain clips, in the truth too.
-    `tell` is given the fraction that is done.
+    Poses are those of the image in every direction of readout. Light above white / gain clips, in the truth too.
     """
-    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, tell=tell)
+    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, observe=observe)
     blurred = blurred + rng.standard_normal(blurred.shape) * noise.at(blurred)
     truth = gain * still(scene, camera=camera, pose=trajectory.at(np.array([timing.middle]))[0])
     return Rendering(blurred=np.clip(blurred, 0, 1).astype(np.float32), truth=np.clip(truth, 0, 1).astype(np.float32))
@@ -64,7 +69,7 @@ def blur(
     timing: ShutterTiming,
     trajectory: Trajectory,
     samples: int = SAMPLES,
-    tell: Callable[[float], object] = float,
+    observe: Observer = ignore,
 ) -> Float[np.ndarray, "rows cols channels"]:
     """The noiseless, unclipped light of each pixel: the mean over its scanline's exposure (Eq. 3), in float64."""
     if samples < 1:
@@ -75,7 +80,7 @@ def blur(
     times = timing.sample_times(samples)
     poses = trajectory.at(times.ravel())
     maps = homographies(poses, camera=camera).reshape(*times.shape, 3, 3)
-    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera, tell=tell))
+    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera, observe=observe))
 
 
 def still(
@@ -84,7 +89,7 @@ def still(
     """The sharp frame at one pose."""
     x, y = _pixels(camera)
     maps = np.broadcast_to(homographies(pose[None], camera=camera), (len(x), 1, 3, 3))
-    return _sampled_through(scene, x, y, maps, camera=camera, tell=float)
+    return _sampled_through(scene, x, y, maps, camera=camera, observe=ignore)
 
 
 def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> Float[np.ndarray, "n 3 3"]:
@@ -96,27 +101,27 @@ def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> F
 
 def margin(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> tuple[int, int]:
     """Rows and columns of scene needed beyond each edge of the frame, so that no sample falls outside the scene."""
-    poses = trajectory.at(np.linspace(*timing.interval, 257))
+    poses = trajectory.at(np.linspace(*timing.interval, _INSTANTS))
     xs, ys = np.array([0.0, camera.cx, camera.cols - 1]), np.array([0.0, camera.cy, camera.rows - 1])
     x, y = (part.ravel() for part in np.meshgrid(xs, ys))
-    seen = homographies(poses, camera=camera) @ np.stack([*pinhole_from_px(camera, x, y).T, np.ones(9)])
-    if not (seen[:, 2] > 0.1).all():
+    mapped = homographies(poses, camera=camera) @ np.stack([*pinhole_from_px(camera, x, y).T, np.ones(9)])
+    if not (mapped[:, 2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    shown = px_from_pinhole(camera, seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2])
+    shown = px_from_pinhole(camera, mapped[:, 0] / mapped[:, 2], mapped[:, 1] / mapped[:, 2])
     move = np.abs(shown - np.stack([x, y], axis=-1)).max(axis=(0, 1))
-    return math.ceil(move[1]) + 3, math.ceil(move[0]) + 3
+    return math.ceil(move[1]) + _TAPS, math.ceil(move[0]) + _TAPS
 
 
 def extent(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> float:
     """Pixels from end to end of the longest PSF, over all scanlines and the frame's centre and corners, to first order, undistorted."""
-    times = timing.row_start()[:, None] + np.linspace(0, timing.exposure, 33)
-    poses = trajectory.at(times.ravel()).reshape(timing.rows, 33, -1)
+    times = timing.row_start()[:, None] + np.linspace(0, timing.exposure, _EXPOSURE_INSTANTS)
+    poses = trajectory.at(times.ravel()).reshape(timing.rows, _EXPOSURE_INSTANTS, -1)
     x = np.array([camera.cx, 0, 0, camera.cols - 1, camera.cols - 1]) - camera.cx
     y = np.array([camera.cy, 0, camera.rows - 1, 0, camera.rows - 1]) - camera.cy
     roll = poses[..., 2:] if poses.shape[-1] == 3 else np.zeros((*poses.shape[:2], 1))
     path = (poses[..., :1] - roll * y) + 1j * (poses[..., 1:2] + roll * x)
     longest = 0.0
-    for lag in range(1, 33):
+    for lag in range(1, _EXPOSURE_INSTANTS):
         longest = max(longest, float(np.abs(path[:, lag:] - path[:, :-lag]).max()))
     return longest
 
@@ -126,7 +131,7 @@ def scaled_to(pixels: float, *, camera: Intrinsics, timing: ShutterTiming, traje
     if not (math.isfinite(pixels) and pixels >= 0):
         raise ValueError(f"blur must be at least 0 px, got {pixels:g} px")
     longest = extent(camera=camera, timing=timing, trajectory=trajectory)
-    if longest < 1e-9:
+    if longest < STILL:
         raise ValueError(f"a motion of {longest:.2g} px cannot be scaled to {pixels:g} px; does it move at all?")
     middle = trajectory.at(np.array([timing.middle]))[0]
     gauge = trajectory.shifted(-middle)
@@ -145,7 +150,7 @@ def _sampled_through(
     maps: Float[np.ndarray, "lines samples 3 3"],
     *,
     camera: Intrinsics,
-    tell: Callable[[float], object],
+    observe: Observer,
 ) -> Float[np.ndarray, "lines along channels"]:
     """The mean over `maps` of a line of the scene at the mapped positions of the line's pixels; the frame is the scene's middle."""
     rows, cols = scene.shape[:2]
@@ -158,7 +163,7 @@ def _sampled_through(
     for start in range(0, len(x), BAND):
         band = slice(start, start + BAND)
         bands.append(_mean_of_samples(scene, x[band], y[band], maps[band], lens, left, top))
-        tell(min(start + BAND, len(x)) / len(x))
+        observe(Progress(stage="rendering", fraction=min(start + BAND, len(x)) / len(x)))
     return np.concatenate(bands)
 
 

@@ -16,6 +16,10 @@ from rsvideo.physics.trajectory import Trajectory, centred, fit, still
 
 SMALLEST = 16  # px, either side of a frame
 _SAME_SHAPE = 0.005  # of the ratio of columns to rows, which whole pixels may change
+MOST_TERMS = 31  # coefficients of an axis; rounding spoils polynomials of higher degree; origin: by trial
+_FEWEST_SAMPLES, _SLOWEST, _FASTEST = 64, 2000.0, 100e3  # of a hand over a frame's interval; and Hz; origin: by trial
+_KNOT, _FEWEST_KNOTS = 0.0025, 8  # s between a hand's knots, 400 Hz where its spectrum ends below 50; and of an interval; origin: by trial
+_FIT_POINTS = 401  # of a frame's interval, at which a stated polynomial is fitted; more than its terms, so that the fit is exact
 AXES = ("x", "y", "roll")
 
 Motion = Callable[[Intrinsics, ShutterTiming], Trajectory]  # how a frame of this camera and timing is moved
@@ -30,7 +34,7 @@ class Stage:
     trajectory: Trajectory
 
 
-def recorded(log: GyroLog, *, start: float) -> Motion:
+def of_log(log: GyroLog, *, start: float) -> Motion:
     """The motion of a frame that opens `start` seconds into a log."""
     return lambda camera, timing: gyro.path(log, camera=camera, start=start, duration=timing.interval[1])
 
@@ -40,10 +44,10 @@ def hand(seed: int, *, rms: float = STEADY) -> Motion:
 
     def motion(camera: Intrinsics, timing: ShutterTiming) -> Trajectory:
         duration = timing.interval[1]
-        rate = min(max(64 / duration, 2000.0), 100e3)
+        rate = min(max(_FEWEST_SAMPLES / duration, _SLOWEST), _FASTEST)
         angles = shake(np.random.default_rng(seed), duration, rate, rms=rms)
         poses = gyro.poses_from_angles(angles, camera=camera)
-        return gyro.spline_through(poses, duration=(len(poses) - 1) / rate, spacing=min(0.0025, duration / 8))
+        return gyro.spline_through(poses, duration=(len(poses) - 1) / rate, spacing=min(_KNOT, duration / _FEWEST_KNOTS))
 
     return motion
 
@@ -53,13 +57,13 @@ def polynomial(terms: Mapping[str, Sequence[float]]) -> Motion:
     for axis, coefficients in terms.items():
         if axis not in AXES:
             raise ValueError(f"a polynomial has the axes {', '.join(AXES)}, got {axis!r}")
-        if not 1 <= len(coefficients) <= 31 or not all(math.isfinite(c) for c in coefficients):
-            raise ValueError(f"{axis} of a polynomial must have 1 to 31 finite coefficients, got {list(coefficients)}")
+        if not 1 <= len(coefficients) <= MOST_TERMS or not all(math.isfinite(c) for c in coefficients):
+            raise ValueError(f"{axis} of a polynomial must have 1 to {MOST_TERMS} finite coefficients, got {list(coefficients)}")
 
     def motion(camera: Intrinsics, timing: ShutterTiming) -> Trajectory:
         del camera
         degree = max((len(coefficients) for coefficients in terms.values()), default=1) - 1
-        u = np.linspace(0, 1, 401)
+        u = np.linspace(0, 1, _FIT_POINTS)
         poses = np.stack([np.polynomial.polynomial.polyval(u, np.array([*terms.get(axis, ()), 0.0])) for axis in AXES], axis=1)
         return fit(still(timing.interval, degree=degree, axes=3), u * timing.interval[1], poses)
 

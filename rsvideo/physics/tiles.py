@@ -15,11 +15,15 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 
 NARROWEST = 32  # columns a tile keeps for itself; narrower ones cost more and gain nothing
+_INSTANTS = 33  # of a frame's interval, at which the tiles' errors are measured; origin: by trial
+_PARTS, _ROWS = 2, 2  # parts across and lines down the frame whose moves are compared: a homography's change is smooth
+_BENT_PARTS, _BENT_ROWS = 16, 3  # the same through a lens, which bends paths quickest somewhere between middle and edge; origin: by trial
+_BLENDED = 3  # times the error of a blur that a shift of whole scanlines may have, since blending between tiles hides it; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
-    """Columns [first, last) are seen by the tile, columns [start, stop) of them belong to it."""
+    """Columns [first, last) are read by the tile, columns [start, stop) of them belong to it."""
 
     first: int
     last: int
@@ -40,11 +44,11 @@ def split(cols: int, count: int, overlap: int) -> list[Tile]:
 
 def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, tolerance: float) -> int:
     """How many tiles keep the path's error at a tile's edge below `tolerance` px (two axes: one tile)."""
-    times = np.linspace(*timing.interval, 33)
+    times = np.linspace(*timing.interval, _INSTANTS)
     poses = trajectory.at(times)
     if poses.shape[1] == 2:
         return 1
-    parts, rows = (16, 3) if intrinsics.distortion else (2, 2)  # a lens bends paths quickest somewhere between middle and edge
+    parts, rows = (_BENT_PARTS, _BENT_ROWS) if intrinsics.distortion else (_PARTS, _ROWS)
     x, y = np.meshgrid(np.linspace(0, intrinsics.cols - 1, parts + 1), np.linspace(0, intrinsics.rows - 1, rows))
     moved = turned(intrinsics, x[..., None] + 0 * times, y[..., None] + 0 * times, np.broadcast_to(poses, (*x.shape, *poses.shape)))
     within = max(1, round(len(times) * timing.exposure / timing.interval[1]))  # only what moves within one exposure blurs
@@ -54,7 +58,7 @@ def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: Shutter
         for i in range(len(times) - within + 1)
     )
     whole = float(np.linalg.norm(change, axis=-1).max())  # a shift of whole scanlines, blended between tiles
-    count = parts / 2 * max(spread / (2 * tolerance), whole / (6 * tolerance))
+    count = parts / 2 * max(spread / (2 * tolerance), whole / (2 * _BLENDED * tolerance))
     return int(np.clip(np.ceil(count), 1, max(1, intrinsics.cols // NARROWEST)))
 
 

@@ -64,6 +64,8 @@ _BT709_ALPHA, _BT709_BETA = 1.09929682680944, 0.018053968510807
 _PQ_M1, _PQ_M2, _PQ_C1, _PQ_C2, _PQ_C3 = 2610 / 16384, 2523 / 4096 * 128, 3424 / 4096, 2413 / 4096 * 32, 2392 / 4096 * 32
 _HLG_A = 0.17883277
 _HLG_B, _HLG_C = 1 - 4 * _HLG_A, 0.5 - _HLG_A * math.log(4 * _HLG_A)
+_LEAST_ARGUMENT = 1e-9  # of a logarithm whose branch is not taken there
+_CANON_WHITE = 0.9  # of light, to which Canon's curves refer: the reflectance of a white card
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +81,7 @@ class _Log:
     offset: float
 
     def code(self, light: np.ndarray) -> np.ndarray:
-        curve = self.c * np.log10(np.maximum(self.a * light + self.b, 1e-9)) + self.d
+        curve = self.c * np.log10(np.maximum(self.a * light + self.b, _LEAST_ARGUMENT)) + self.d
         return np.where(light >= self.knee, curve, self.slope * light + self.offset)
 
     def light(self, code: np.ndarray) -> np.ndarray:
@@ -104,7 +106,7 @@ _LOGS = {
 
 @dataclass(frozen=True, kw_only=True)
 class _CanonLog:
-    """code = d + sign(x) c log10(a |x| + 1) of x = light / 0.9; within +-`straight` of black it is slope x + offset."""
+    """code = d + sign(x) c log10(a |x| + 1) of x = light / _CANON_WHITE; within +-`straight` of black it is slope x + offset."""
 
     a: float
     c: float
@@ -115,7 +117,7 @@ class _CanonLog:
     offset: float
 
     def code(self, light: np.ndarray) -> np.ndarray:
-        x = light / 0.9
+        x = light / _CANON_WHITE
         bent = self.c * np.log10(self.a * np.abs(x) + 1)
         return np.where(np.abs(x) <= self.straight, self.slope * x + self.offset, np.where(x < 0, self.low - bent, self.high + bent))
 
@@ -123,7 +125,7 @@ class _CanonLog:
         below = code < self.offset
         bent = (10 ** (np.where(below, self.low - code, code - self.high) / self.c) - 1) / self.a
         straight = np.abs(code - self.offset) <= self.slope * self.straight
-        return 0.9 * np.where(straight, (code - self.offset) / self.slope, np.where(below, -bent, bent))
+        return _CANON_WHITE * np.where(straight, (code - self.offset) / self.slope, np.where(below, -bent, bent))
 
 
 _CANON_LOGS = {
@@ -183,7 +185,7 @@ def _code(transfer: Transfer, light: np.ndarray) -> np.ndarray:
             y = np.maximum(light, 0) ** _PQ_M1
             return ((_PQ_C1 + _PQ_C2 * y) / (1 + _PQ_C3 * y)) ** _PQ_M2
         case Transfer.HLG:
-            bent = _HLG_A * np.log(np.maximum(12 * light - _HLG_B, 1e-9)) + _HLG_C
+            bent = _HLG_A * np.log(np.maximum(12 * light - _HLG_B, _LEAST_ARGUMENT)) + _HLG_C
             return np.where(light <= 1 / 12, np.sqrt(3 * np.maximum(light, 0)), bent)
         case _:
             return (_LOGS | _CANON_LOGS)[transfer].code(light)

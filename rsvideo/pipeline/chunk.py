@@ -16,7 +16,7 @@ import numpy as np
 from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
 from rsvideo.frame import FrameResult, Verdict
-from rsvideo.pipeline import clip_frames, methods, output
+from rsvideo.pipeline import clip_frames, given_blur, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 from rsvideo.pipeline.prepare import Task
@@ -28,6 +28,7 @@ from rsvideo.video.stream import Colour, Picture
 
 LONGEST = 32  # frames of a chunk, and fewer of large pictures:
 MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
+SHORTEST = 8  # frames of a chunk at least, however large its pictures: fewer tell too little of the motion; origin: by trial
 WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
 
 
@@ -39,12 +40,16 @@ def chunks(task: Task) -> list[Chunk]:
 
 def planned(first: int, last: int, scenes: Iterable[int], picture_bytes: int) -> list[Chunk]:
     """Frames first to last - 1, cut where another of the `scenes` begins, and long scenes into equal parts."""
-    longest = max(8, min(LONGEST, MOST_BYTES // picture_bytes))
     out: list[Chunk] = []
     for begin, end in pairwise([first, *scenes, last]):
-        edges = np.linspace(begin, end, -(-(end - begin) // longest) + 1).round().astype(int).tolist()
+        edges = np.linspace(begin, end, -(-(end - begin) // longest(picture_bytes)) + 1).round().astype(int).tolist()
         out += [Chunk(index=len(out) + n, first=a, last=b - 1, warm_up=min(WARM_UP, a - begin)) for n, (a, b) in enumerate(pairwise(edges))]
     return out
+
+
+def longest(picture_bytes: int) -> int:
+    """Frames of a chunk at most."""
+    return max(SHORTEST, min(LONGEST, MOST_BYTES // picture_bytes))
 
 
 def in_view(chunk: Chunk, last: int) -> tuple[int, int]:
@@ -58,7 +63,9 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
     if task.request.deblur.method.steadied:
         pictures = _steadied(task, pictures, folder)
     moving = movement(task.treatment, pictures, task.stream.colour, task.request.motion.trajectory, observe)
-    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
+    decoded = {picture.index for picture in pictures}
+    left_out = tuple(index for index in range(chunk.first, chunk.last + 1) if index not in decoded)
+    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={}, left_out=left_out)
     lines: list[bytes] = []
 
     def shown() -> Iterator[Picture]:
@@ -114,6 +121,8 @@ def movement(treatment: Treatment, pictures: Sequence[Picture], meaning: Colour,
     if given is not None:
         camera = treatment.camera
         within, steps = motion_file.of_clip(given, camera.timing, camera.intrinsics, [(p.index, p.time) for p in pictures])
+        for path in within:
+            given_blur.check(given, path, camera)
         tied = [step is not None for step in steps]
         return Movement(within=[*within], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
     begins = np.array([p.time for p in pictures])

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config import sidecar
-from rsvideo.config.files import sha256, write_whole
+from rsvideo.config.files import UnreadableError, made_within, sha256
 from rsvideo.config.method import Method
-from rsvideo.config.sidecar import FrameRecord
+from rsvideo.config.placing import aside, place
+from rsvideo.config.sidecar import FrameRecord, Mark
 from rsvideo.frame import Verdict
 from rsvideo.pipeline import clip_frames, motion_log, output, stabilisation
 from rsvideo.pipeline.chunk import chunks, work
-from rsvideo.pipeline.pieces import ChunkRecord, Outcome, frame_records
+from rsvideo.pipeline.pieces import ChunkRecord, Finished, Outcome, check_cover, frame_records, stated
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.shooting import gcsv
@@ -26,14 +27,18 @@ from rsvideo.video.stream import Picture
 from rsvideo.video.writer import Writer
 
 
-def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
-    """Encode the restored frames as the original was; then the sidecar and the gyroscope's log."""
+def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | None = None) -> Finished:
+    """Encode the restored frames as the original was, in a folder of its own within `folder`; then the gyroscope's log and the sidecar."""
     assert task.encoding is not None
     stream, camera = task.stream, task.camera.intrinsics
     kept, steps, verdicts, seconds = _gist(frame_records(records, folder))
+    left_out = [index for record in records for index in record.left_out]
+    check_cover([*kept, *left_out], task.first, task.last, task.request.source)
     pictures = chain.from_iterable(
-        planes.read(folder / record.pictures, stream, (frame.index for frame in frame_records([record], folder))) for record in records
+        planes.read(folder / record.pictures, task.stream, (frame.index for frame in frame_records([record], folder))) for record in records
     )
+    if not kept:
+        raise UnreadableError(f"{task.request.source} holds no picture that could be decoded as it was meant")
     enlargement = 1.0
     if task.request.motion.path == "smooth":
         turns, enlargement = stabilisation.corrections(steps, float(stream.rate), camera)
@@ -46,24 +51,27 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
     if len(kept) < task.frames:  # damaged ones were left out
         stream = replace(stream, times=np.concatenate([stream.times[: task.first], stream.times[kept], stream.times[last:]]))
         last = task.first + len(kept)
-    with Writer(task.request.output, stream, task.encoding, first=task.first, last=last) as writer:
+    within = Path(tempfile.mkdtemp(prefix="run-", dir=folder))
+    with Writer(task.request.output, stream, task.encoding, first=task.first, last=last, within=within) as writer:
         for picture in pictures:
             writer.write(picture)
-    notes = writer.notes
-    files = {task.request.record: sidecar.encoded(str(task.request.source), _settings(task), frame_records(records, folder))}
+    made = [writer.made]
     parts = motion_log.parts(frame_records(records, folder), float(stream.rate), task.timing, camera)
     if task.request.deblur.method is not Method.NONE and (first := next(parts, None)):
-        files[task.request.log] = gcsv.encoded(chain([first], parts), timing=task.timing, video=task.request.output.name, model="rsvideo")
-    write_whole(files)
+        log = gcsv.encoded(chain([first], parts), timing=task.timing, video=task.request.output.name, model="rsvideo")
+        made.append(made_within(within, task.request.log, log))
+    notes = writer.notes
     if task.request.motion.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
-    return Outcome(
+    outcome = Outcome(
         notes=notes,
         restored=verdicts[Verdict.RESTORED],
         left=verdicts.total() - verdicts[Verdict.RESTORED] - verdicts[Verdict.DAMAGED],
         failed=verdicts[Verdict.DAMAGED],
         seconds=seconds,
     )
+    record = sidecar.encoded(str(task.request.source), _settings(task), frame_records(records, folder), stated(outcome, made, mark))
+    return Finished(outcome=outcome, made=(*made, made_within(within, task.request.record, record)))
 
 
 def _gist(frames: Iterable[FrameRecord]) -> tuple[list[int], list[list[float] | None], Counter[str], float]:
@@ -79,8 +87,8 @@ def _gist(frames: Iterable[FrameRecord]) -> tuple[list[int], list[list[float] | 
 
 def carry_out(task: Task, observe: Observer) -> Outcome:
     """The whole clip in this process, chunk after chunk."""
-    with tempfile.TemporaryDirectory(prefix=".rsvideo-", dir=task.request.output.parent) as name:
-        folder, done, records = Path(name), 0, []
+    with aside(task.request.output.parent) as folder:
+        done, records = 0, []
         observe(Progress(stage="looking for cuts", fraction=0.0))
         for chunk in chunks(task):
 
@@ -91,7 +99,9 @@ def carry_out(task: Task, observe: Observer) -> Outcome:
             records.append(work(task, chunk, folder, tell))
             done += chunk.frames
         observe(Progress(stage="encoding", fraction=1.0))
-        return finish(task, records, folder)
+        finished = finish(task, records, folder)
+        place(finished.made)
+        return finished.outcome
 
 
 def _turned(task: Task, picture: Picture, turn: np.ndarray, enlargement: float) -> Picture:

@@ -17,6 +17,8 @@ from rsvideo.video import decode, metadata
 from rsvideo.video.metadata import ClipFacts
 from rsvideo.video.stream import Stream
 
+_TICK = 0.6  # of the clip's unit of time, to which times are rounded: a little over the half by which rounding may be off
+
 
 def opened(request: Request) -> Take:
     """The clip of a request, with the curve that its codes stand for."""
@@ -72,7 +74,7 @@ def frame_range(stream: Stream, seconds: tuple[float, float] | None) -> tuple[in
     """Frames [first, last) that are shown from one time to another, or all; ValueError where there is none."""
     if seconds is None:
         return 0, stream.frames
-    shown, tick = (stream.times - stream.times[0]) * float(stream.time_base), 0.6 * float(stream.time_base)  # times are rounded to it
+    shown, tick = (stream.times - stream.times[0]) * float(stream.time_base), _TICK * float(stream.time_base)
     first, last = (int(np.searchsorted(shown, t - tick)) for t in seconds)
     if first >= last:
         raise ValueError(

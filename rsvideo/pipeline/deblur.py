@@ -6,7 +6,8 @@ What is slow to load is loaded when it is needed.
 from pathlib import Path
 from types import ModuleType
 
-from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome
+from rsvideo.config.sidecar import Mark
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished, Outcome
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer
 
@@ -26,9 +27,9 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
     return _kind(task).work(task, chunk, folder, observe)
 
 
-def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
-    """Write the result from its pieces, and what goes beside it."""
-    return _kind(task).finish(task, records, folder)
+def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | None = None) -> Finished:
+    """The result from its pieces, and what goes beside it, within `folder`; `mark` says in the sidecar which job it is of."""
+    return _kind(task).finish(task, records, folder, mark)
 
 
 def _kind(task: Task) -> ModuleType:

@@ -18,7 +18,7 @@ from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import gyro_log
-from rsvideo.shooting.gyro_log import Recorded
+from rsvideo.shooting.gyro_log import ClipLog
 from rsvideo.video import gyroscope
 from rsvideo.video.telemetry import UnavailableError
 
@@ -53,18 +53,18 @@ class Gyro:
         return gyro.refined(self.log, run, offset=self.offset, axes=self.axes)
 
 
-def read(stated: Motion, source: Path, timing: ShutterTiming) -> Recorded:
+def read(stated: Motion, source: Path, timing: ShutterTiming) -> ClipLog:
     """The log; raises UnreadableError, or ValueError where there is none."""
     if stated.gyro is not None:
         return gyro_log.read(stated.gyro, timing)
     try:
-        return Recorded(log=gyroscope.embedded(source), offset=None)
+        return ClipLog(log=gyroscope.embedded(source), offset=None)
     except UnavailableError as error:
         raise ValueError(f"--gyro must name a log, {source} holds none that can be read: {error}") from error
 
 
 def placed(
-    stated: Motion, found: Recorded, frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings
+    stated: Motion, found: ClipLog, frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings
 ) -> Gyro:
     """The log laid along a clip; what neither the request nor the file states is found from the first LOOKED_AT of its `frames`."""
     offset = found.offset if stated.gyro_offset is None else stated.gyro_offset

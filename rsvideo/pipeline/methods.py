@@ -43,7 +43,7 @@ def photograph(treatment: Treatment, frame: Frame, trajectory: Trajectory | None
     """What becomes of one frame by itself; `trajectory` is the motion where it is given, in image axes."""
     view = to_scanlines(frame, treatment.camera)
     if treatment.method not in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
-        return _recorded(treatment, _single(treatment, view, None, None))
+        return _with_source(treatment, _single(treatment, view, None, None))
     start = None
     if treatment.gyro is not None:
         trajectory = treatment.gyro.within(treatment.camera)
@@ -52,7 +52,7 @@ def photograph(treatment: Treatment, frame: Frame, trajectory: Trajectory | None
     result = single_frame.restore(
         view, treatment.settings, trajectory=trajectory, start=start, estimate=treatment.estimate, observe=observe
     )
-    return _recorded(treatment, result)
+    return _with_source(treatment, result)
 
 
 def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.ndarray, " frames"], observe: Observer = ignore) -> Movement:
@@ -74,11 +74,11 @@ def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe
     camera, settings = treatment.camera, treatment.settings
     if treatment.method in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE):
         results = multi_frame.restored(frames, moving, camera, settings, estimate=treatment.estimate, observe=observe)
-        yield from (_recorded(treatment, result) for result in results)
+        yield from (_with_source(treatment, result) for result in results)
         return
     moving = moving.along_scanlines(camera.timing.direction)
     for frame, path, flow in zip(frames, moving.within, moving.flows or [None] * len(moving.within), strict=True):
-        yield _recorded(treatment, _single(treatment, to_scanlines(frame, camera), path, flow))
+        yield _with_source(treatment, _single(treatment, to_scanlines(frame, camera), path, flow))
         observe(Progress(stage="restoring", fraction=1.0, frame=frame.index))
 
 
@@ -87,10 +87,10 @@ def untouched(treatment: Treatment, frame: Frame, verdict: Verdict) -> FrameResu
     timing = treatment.camera.timing
     rest = still(timing.interval, degree=1, axes=3)
     result = FrameResult(frame=frame, timing=timing, trajectory=rest, latent=frame.pixels, verdict=verdict, seconds=0.0)
-    return _recorded(treatment, result)
+    return _with_source(treatment, result)
 
 
-def _recorded(treatment: Treatment, result: FrameResult) -> FrameResult:
+def _with_source(treatment: Treatment, result: FrameResult) -> FrameResult:
     """The result with what its record holds besides: solvers do not ask where a timing comes from."""
     return replace(result, timing_source=treatment.timing_source)
 

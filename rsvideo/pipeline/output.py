@@ -1,8 +1,7 @@
-"""What photographs and clips share on their way out: where they may be written, and the record of a frame."""
+"""What photographs and clips share when they are written: where they may be written, and the record of a frame."""
 
 import json
 import tempfile
-from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import JsonValue
 
-from rsvideo.config import sidecar
+from rsvideo.config import placing, sidecar
+from rsvideo.config.request import Request
 from rsvideo.frame import FrameResult
 
 if TYPE_CHECKING:
@@ -21,21 +21,29 @@ if TYPE_CHECKING:
 _DIGITS = 5  # of the values of a PSF, whose sum is 1
 
 
-def check(source: Path, files: Sequence[Path], *, overwrite: bool) -> None:
-    """Refuse what cannot be written, OUTPUT first among `files`, with ValueError or FileExistsError."""
-    output = files[0]
+def check(request: Request) -> None:
+    """Refuse what cannot be written, with ValueError or FileExistsError."""
+    source, output = request.source, request.output
     folder = output.parent
     if not folder.is_dir():
         raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")
-    if output.resolve() == source.resolve():
+    if placing.same(output, source):
         raise ValueError(f"OUTPUT must not be INPUT, both are {output}; the original is never replaced")
     try:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
         raise ValueError(f"the folder {folder} of OUTPUT must be writable: {error.strerror}; is it yours?") from error
-    for path in files:
-        if path.exists() and not overwrite:
-            raise FileExistsError(f"{path} exists already; give --overwrite to replace it")
+    placing.check(request.files, request.inputs, overwrite=request.overwrite)
+    for path in request.files[1:]:
+        if path.is_dir():
+            raise ValueError(f"{path} is written beside OUTPUT, a folder of that name stands there; move it, or give OUTPUT another name")
+
+
+def check_kind(output: Path, *, folder: bool) -> None:
+    """Refuse a folder where a file is written, and a file where a folder is, with ValueError."""
+    if output.exists() and output.is_dir() != folder:
+        one, other = ("a folder", "a file") if folder else ("a file", "a folder")
+        raise ValueError(f"OUTPUT must be {one}, {output} is {other}")
 
 
 def settings_record(
@@ -57,13 +65,13 @@ def settings_record(
 
 def frame_record(result: FrameResult, to_next: np.ndarray | None = None) -> sidecar.FrameRecord:
     """What became of a frame; `to_next` leads from its pose to the next frame's."""
-    way = result.trajectory
-    t = sidecar.Sampled.times(way.t0, way.t1)
+    path = result.trajectory
+    t = sidecar.Sampled.times(path.t0, path.t1)
     return sidecar.FrameRecord(
         index=result.frame.index,
         time_s=result.frame.time,
         timing=sidecar.Timing(exposure_s=result.timing.exposure, row_time_s=result.timing.row_time, source=result.timing_source),
-        trajectory=sidecar.Sampled.of(t, way.at(t)),
+        trajectory=sidecar.Sampled.of(t, path.at(t)),
         to_next=None if to_next is None else [*to_next.tolist(), 0.0][:3],
         verdict=result.verdict,
         seconds=result.seconds,

@@ -1,16 +1,18 @@
 """One photograph, from file to file."""
 
 import hashlib
+import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from rsvideo.config import sidecar
-from rsvideo.config.files import write_whole
-from rsvideo.config.sidecar import FrameRecord
+from rsvideo.config.files import made_within, write_whole
+from rsvideo.config.placing import aside, place
+from rsvideo.config.sidecar import FrameRecord, Mark
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.pipeline import methods, output
-from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome, frame_records
+from rsvideo.pipeline import given_blur, methods, output
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished, Outcome, frame_records, stated
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer
 from rsvideo.shooting import given_motion
@@ -22,7 +24,10 @@ def carry_out(task: Task, observe: Observer) -> Outcome:
     """Restore the photograph, with a motion that is given or without, and write it with its sidecar."""
     result = _restored(task, observe)
     data, notes = _encoded(task, result)
-    return _written(task, data, output.frame_record(result), notes)
+    with aside(task.request.output.parent) as folder:
+        finished = _made(task, data, output.frame_record(result), notes, folder)
+        place(finished.made)
+    return finished.outcome
 
 
 def chunks(task: Task) -> list[Chunk]:  # noqa: ARG001 # as of a clip
@@ -43,16 +48,20 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
     )
 
 
-def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
-    """Put the restored photograph in its place, with its sidecar."""
+def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | None = None) -> Finished:
+    """The restored photograph with its sidecar, in a folder of their own within `folder`."""
     (record,) = records
     (frame,) = frame_records(records, folder)
-    return _written(task, (folder / record.pictures).read_bytes(), frame, record.notes)
+    within = Path(tempfile.mkdtemp(prefix="run-", dir=folder))
+    return _made(task, (folder / record.pictures).read_bytes(), frame, record.notes, within, mark)
 
 
 def _restored(task: Task, observe: Observer) -> FrameResult:
     given = task.request.motion.trajectory
-    trajectory = None if given is None else given_motion.read(given, task.timing, task.camera.intrinsics)
+    trajectory = None
+    if given is not None:
+        trajectory = given_motion.read(given, task.timing, task.camera.intrinsics)
+        given_blur.check(given, trajectory, task.treatment.camera)
     frame = Frame(pixels=task.still.pixels, clipped=task.still.clipped)
     return methods.photograph(task.treatment, frame, trajectory, observe)
 
@@ -67,10 +76,11 @@ def _encoded(task: Task, result: FrameResult) -> tuple[bytes, tuple[str, ...]]:
     return still.encode(task.still, result.latent.astype(np.float32), kind)
 
 
-def _written(task: Task, data: bytes, frame: FrameRecord, notes: tuple[str, ...]) -> Outcome:
-    settings = output.settings_record(task, task.still.transfer.value)
-    record = sidecar.Sidecar(input=str(task.request.source), settings=settings, frames=[frame])
-    write_whole({task.request.output: data, task.request.record: record.encode()})
+def _made(task: Task, data: bytes, frame: FrameRecord, notes: tuple[str, ...], folder: Path, mark: Mark | None = None) -> Finished:
     verdict = Verdict(frame.verdict)
     restored = verdict is Verdict.RESTORED
-    return Outcome(notes=notes, restored=int(restored), left=int(not restored), seconds=frame.seconds, verdict=verdict)
+    outcome = Outcome(notes=notes, restored=int(restored), left=int(not restored), seconds=frame.seconds, verdict=verdict)
+    picture = made_within(folder, task.request.output, data)
+    settings, written = output.settings_record(task, task.still.transfer.value), stated(outcome, [picture], mark)
+    record = sidecar.Sidecar(input=str(task.request.source), settings=settings, written=written, frames=[frame]).encode()
+    return Finished(outcome=outcome, made=(picture, made_within(folder, task.request.record, record)))

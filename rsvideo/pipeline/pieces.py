@@ -6,8 +6,9 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
-from rsvideo.config.files import UnreadableError
-from rsvideo.config.sidecar import FrameRecord
+from rsvideo.config.files import UnreadableError, opened
+from rsvideo.config.placing import Made
+from rsvideo.config.sidecar import FrameRecord, Mark, Written
 from rsvideo.frame import Verdict
 from rsvideo.progress import Progress
 
@@ -37,6 +38,7 @@ class ChunkRecord(BaseModel):
     pictures: str
     frames: str
     sha256: dict[str, str]  # of both, by their names
+    left_out: tuple[int, ...] = ()  # frames that could not be decoded and were to be skipped
     notes: tuple[str, ...] = ()  # what the pictures could not keep
 
 
@@ -59,12 +61,40 @@ class Outcome:
         return f"{self.restored} frames restored, {self.left} left as they were, {self.failed} failed, {self.seconds:.0f} s"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Finished:
+    """A result that is complete but for its names, the sidecar last among what was made."""
+
+    outcome: Outcome
+    made: tuple[Made, ...]
+
+
+def stated(outcome: Outcome, made: Iterable[Made], mark: Mark | None) -> Written:
+    """What the sidecar is to say of the files that were made with it."""
+    return Written(
+        sha256={each.path.name: each.sha256 for each in made},
+        restored=outcome.restored,
+        left=outcome.left,
+        failed=outcome.failed,
+        seconds=outcome.seconds,
+        notes=outcome.notes,
+        mark=mark,
+    )
+
+
+def check_cover(indices: Iterable[int], first: int, last: int, source: Path) -> None:
+    """Refuse pieces that do not hold the frames first to last - 1 of a source, each once; ValueError."""
+    held = sorted(indices)
+    if held != list(range(first, last)):
+        raise ValueError(f"the pieces of {source} must hold its frames {first} to {last - 1}, each once; they hold {len(held)} frames")
+
+
 def frame_records(records: Iterable[ChunkRecord], folder: Path) -> Iterator[FrameRecord]:
     """What became of the frames, one after the other; raises UnreadableError."""
     for record in records:
         path = folder / record.frames
         try:
-            with path.open("rb") as file:
+            with opened(path) as file:
                 for line in file:
                     yield FrameRecord.model_validate_json(line)
         except (OSError, ValueError) as error:

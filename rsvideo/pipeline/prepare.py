@@ -6,7 +6,7 @@ A photograph is one frame without neighbours; what else differs is how it is ope
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from rsvideo.config import sidecar
+from rsvideo.config import names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Request
@@ -185,17 +185,17 @@ def _unclear(request: Request, shutter: timing.Resolved) -> tuple[str, ...]:
 
 def _check(request: Request) -> None:
     """Refuse what can be refused before anything is read."""
+    names.check(*request.files)
     method = request.deblur.method
     if not request.is_clip:
         taken = f"{request.source} is taken for a photograph"
         if wrong := next(iter(request.of_clips()), None):
             raise ValueError(f"{wrong.flag} concerns clips, {taken}; clips are .mp4, .mov, .mkv or folders")
         Format.of_output(request.output)
-        if request.output.is_dir():
-            raise ValueError(f"OUTPUT must be a file, {request.output} is a folder")
+        output.check_kind(request.output, folder=False)
         if method.needs_clip:
             raise ValueError(f"method {method} concerns clips, it sees the motion between frames; {taken}")
-    output.check(request.source, request.files, overwrite=request.overwrite)
+    output.check(request)
     if request.motion.states_gyro and not method.follows_gyro:
         raise ValueError(f"a gyroscope's log is read by the methods {Method.GYRO} and {Method.GYRO_REFINE}, not by {method}")
     if method.steadied:
@@ -218,12 +218,16 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     if isinstance(opened.source, Still):
         return 0, 1, None, ()
     from rsvideo.pipeline import clip_facts
-    from rsvideo.video.output_format import Encoding, chosen
+    from rsvideo.video import sequence
+    from rsvideo.video.output_format import SEQUENCES, Encoding, chosen
 
     first, last = clip_facts.frame_range(opened.source, request.input.range)
     wanted = request.encoding
     encoding = Encoding(codec=wanted.codec, quality=wanted.quality, pixel_format=wanted.pixel_format)
-    _, _, notes = chosen(request.output, opened.source, encoding)
+    codec, _, notes = chosen(request.output, opened.source, encoding)
+    output.check_kind(request.output, folder=codec in SEQUENCES)
+    if codec in SEQUENCES:
+        sequence.older(request.output, opened.source)  # refuses what must stay
     return first, last, encoding, notes
 
 

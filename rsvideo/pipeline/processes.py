@@ -12,10 +12,12 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+from rsvideo.config.placing import SIGNALS
+
 _ONE_EACH = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # threads of libraries would multiply with numba's
 
 _SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # no module is taken from the current folder, where anything may lie
+_GRACE = 5  # seconds in which a process whose pipe is closed may end by itself
 
 
 def cores() -> int:
@@ -34,20 +36,20 @@ def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool)
     spawn = multiprocessing.get_context("spawn")
     ours, theirs = spawn.Pipe()
     process = spawn.Process(target=_live, args=(target, theirs, words, quiet), daemon=True)
-    signal.pthread_sigmask(signal.SIG_BLOCK, _SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
+    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
     patience = os.environ.get("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other
     try:
         with _environment(NUMBA_NUM_THREADS=str(threads), OMP_WAIT_POLICY=patience, **_SAFE_PATH, **dict.fromkeys(_ONE_EACH, "1")):
             process.start()  # these are read once, when Python starts and when the libraries are first imported
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     theirs.close()
     return ours, process  # pyright: ignore[reportReturnType] # Windows has another kind
 
 
 def death(process: BaseProcess) -> str:
     """How a process ended that has reported nothing more; one that goes on all the same is killed."""
-    process.join(5)
+    process.join(_GRACE)
     process.kill()
     process.join()
     code = process.exitcode or 0
@@ -70,9 +72,9 @@ def _environment(**values: str) -> Iterator[None]:
 
 
 def _live(target: Callable[..., None], connection: Connection, words: tuple[Any, ...], quiet: bool) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to everyone; the parent decides
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+    for number in SIGNALS:  # the terminal sends the others to everyone; the parent decides
+        signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     threading.Thread(target=_follow_parent, daemon=True).start()
     if quiet:
         warnings.simplefilter("ignore")

@@ -23,8 +23,8 @@ def motion_csv(staged: Stage) -> bytes:
     return "".join([",".join(COLUMNS) + "\n", *(",".join(f"{value:.9g}" for value in row) + "\n" for row in rows)]).encode()
 
 
-def case_json(staged: Stage, said: Mapping[str, object]) -> bytes:
-    """The stage in numbers, and what else is to be said of the rendering."""
+def case_json(staged: Stage, more: Mapping[str, object]) -> bytes:
+    """The stage in numbers, and what more the caller states of the rendering."""
     camera, timing, lens = staged.camera, staged.timing, staged.camera.distortion
     case = {
         "kind": "still",
@@ -37,6 +37,6 @@ def case_json(staged: Stage, said: Mapping[str, object]) -> bytes:
         "focal_px": camera.fx,
         "blur_px": round(extent(camera=camera, timing=timing, trajectory=staged.trajectory), 3),
         **({"distortion": {"model": lens.model, "coefficients": lens.coefficients}} if lens else {}),
-        **said,
+        **more,
     }
     return (json.dumps(case, indent=1) + "\n").encode()

@@ -12,6 +12,8 @@ from rsvideo.physics.camera import Intrinsics, resampled_at, turned
 
 SMOOTHING = 0.4  # s, standard deviation of the Gaussian that smooths the path
 MOST_CROP = 1.25  # the largest enlargement; a path that needs more is smoothed less
+_REACH = 4  # standard deviations, at which the Gaussian is cut off, as SciPy does
+_LEAST_OVERLAP = 1e-9  # of the frame; a path that is smooth already is divided by this
 
 
 def corrections(
@@ -25,13 +27,13 @@ def corrections(
     for k, step in enumerate(steps[:-1]):
         poses[k + 1] = poses[k] + (step or 0.0)
     cuts = [k + 1 for k, step in enumerate(steps[:-1]) if step is None]
-    around = math.ceil(4 * SMOOTHING * rate)
+    around = math.ceil(_REACH * SMOOTHING * rate)
     turns = np.zeros_like(poses)
     for run, turn in zip(np.split(poses, cuts), np.split(turns, cuts), strict=True):
         longer = np.pad(run, ((around, around), (0, 0)), mode="reflect", reflect_type="odd")  # a pan goes on beyond the run's ends
         turn[:] = gaussian_filter1d(longer, SMOOTHING * rate, axis=0)[around:-around] - run
     most = 1 - 1 / MOST_CROP
-    turns = turns * min(1.0, most / max(_overlap(turns, intrinsics), 1e-9))
+    turns = turns * min(1.0, most / max(_overlap(turns, intrinsics), _LEAST_OVERLAP))
     return turns, 1 / (1 - min(_overlap(turns, intrinsics), most))
 
 

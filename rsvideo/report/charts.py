@@ -1,4 +1,4 @@
-"""Charts as SVG inside a page: told apart by dash and marker as well as by colour, which the page's style gives by class."""
+"""Charts as SVG inside a page: distinguished by dash and marker as well as by colour, which the page's style gives by class."""
 
 import math
 from collections.abc import Sequence
@@ -21,6 +21,8 @@ MARKERS = (
     "M0,-4.6V4.6M-4.6,0H4.6",  # plus
 )
 _FEW = 60  # points that are marked each
+_INSTANTS = 60  # of a trajectory that are drawn
+_LEAST_ROLL = 1e-4  # degrees; a smaller roll has no panel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,12 +101,12 @@ def _opened(width: int, height: int, title: str) -> Markup:
 
 
 def trajectory(sidecar: Sidecar, record: FrameRecord, *, width: int = 330, height: int = 250) -> Markup:
-    """Position in pixels over time, with degrees on the right where the focal length is known, and the roll below."""
+    """Position in pixels over time, with degrees on the right where the sidecar holds a focal length, and the roll below."""
     ms = 1e3 * np.array(record.trajectory.t_s)
-    thin = np.unique(np.linspace(0, len(ms) - 1, 60).round().astype(int))
+    thin = np.unique(np.linspace(0, len(ms) - 1, _INSTANTS).round().astype(int))
     x, y = np.array(record.trajectory.x_px)[thin], np.array(record.trajectory.y_px)[thin]
     roll = np.degrees(record.trajectory.roll_rad)[thin]
-    turns = bool(np.abs(roll).max() > 1e-4)
+    turns = bool(np.abs(roll).max() > _LEAST_ROLL)
     left, right, top, bottom = 40, 46, 22, 36
     low = 76 if turns else 0
     main = height - bottom - low

@@ -36,7 +36,7 @@ class Entry:
     role: Role
     frames: tuple[FrameMeasures, ...] = ()
     seconds: float = math.nan  # of work on all frames
-    peak_bytes: int = 0  # of memory; 0 where it is not known
+    peak_bytes: int = 0  # of memory; 0 where it was not measured
     fault: str | None = None  # why there is no result
     notes: tuple[str, ...] = ()
     sidecar: Sidecar | None = None

@@ -7,6 +7,8 @@ from importlib import resources
 
 from markupsafe import Markup
 
+from rsvideo.config.printable import printable
+
 
 def text(name: str) -> str:
     """A template, style or script that stands beside this module."""
@@ -28,6 +30,19 @@ def data_uri(content: bytes, kind: str) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
+def _written_out(value: object) -> object:
+    """Plain values whose texts may be shown."""
+    match value:
+        case str():
+            return printable(value, keep="\n\t")
+        case dict():
+            return {key: _written_out(each) for key, each in value.items()}
+        case list() | tuple():
+            return [_written_out(each) for each in value]
+        case _:
+            return value
+
+
 def json_text(value: object) -> Markup:
     """JSON that may stand inside a script element."""
-    return Markup(json.dumps(value, ensure_ascii=True).replace("<", "\\u003c").replace("&", "\\u0026"))
+    return Markup(json.dumps(_written_out(value), ensure_ascii=True).replace("<", "\\u003c").replace("&", "\\u0026"))

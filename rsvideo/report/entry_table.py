@@ -11,7 +11,7 @@ from rsvideo.report.comparison import Comparison, Entry, best
 from rsvideo.report.measures import Measure
 
 _STYLES = 8  # colours of methods that page.css has
-_TRUTH, _RECORDED = ("ink", 6), ("grey", 4)  # style and pattern of lines
+_TRUTH, _RECORDING = ("ink", 6), ("grey", 4)  # style and pattern of lines
 _WORDS = {
     "recorded": "as the camera wrote it",
     "none": "as the camera wrote it, decoded and encoded",
@@ -63,7 +63,7 @@ def rows(comparison: Comparison, measures: Sequence[Measure]) -> list[Row]:
         if entry.role == "truth":
             style, pattern = _TRUTH
         elif entry.name in ("none", "recorded"):
-            style, pattern = _RECORDED
+            style, pattern = _RECORDING
         else:
             style, pattern = f"c{number % _STYLES}", number
             number += 1

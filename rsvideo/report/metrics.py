@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 from rsvideo.physics.luminance import BT709_WEIGHTS
 
 BORDER = 40  # px left out on every side: what a moving camera saw there differs
+_BORDER_PART = 4  # the border is a quarter of a small picture's side at most
 Colours = Float[np.ndarray, "rows cols channels"]
 Grey = Float[np.ndarray, "rows cols"]
 
@@ -24,6 +25,11 @@ _MOST_STEPS = 20  # of Gauss and Newton
 _LEAST_STEP = 0.005  # px
 _ALIGNING_BLUR = 1.5  # px, of the pictures whose phases are correlated
 _FARTHEST = 64  # px; a larger shift is a slip of the correlation
+_SIMPLEX = 0.15  # px, of Nelder-Mead's first steps; derivatives do not show how interpolation smooths noise; origin: by trial
+_SETTLED = {"xatol": 0.04, "fatol": 3e-7, "maxiter": 10}  # px, and linear light squared; origin: by trial
+_CUBIC = 3  # px that a cubic interpolation reads beyond its place
+_SSIM_SIDE, _SSIM_SIGMA = 11, 1.5  # px, of the Gaussian window (Wang et al. 2004)
+_SSIM_C1, _SSIM_C2 = 1e-4, 9e-4  # (0.01 L)^2 and (0.03 L)^2 with white L = 1 (Wang et al. 2004)
 
 # edges
 _REACH = 10  # px that a profile goes to either side of its edge
@@ -34,6 +40,7 @@ _CELL = 12  # px: of each cell of the picture, only the strongest edge
 _FAINTEST = 0.01  # of white a pixel; fainter gradients are no edges
 _OVER_MEDIAN = 4  # as strong as the picture's median gradient an edge must be: below, noise may be taken for one
 _LOWEST = 0.04  # of white that an edge must rise by
+_FROM, _TO = 0.1, 0.9  # of an edge's height, between which its width is measured
 
 # ringing
 _SURROUNDINGS = 25  # px that must be flat around a place
@@ -44,6 +51,7 @@ _FINE, _COARSE = 1.0, 5.0  # px; what lies between these two Gaussians has wavel
 # residuals
 _LAGS = 4  # px up to which residuals are correlated
 _LEAST_VALID = 0.1  # part of a frame whose residual says something
+_NO_RESIDUAL = 1e-14  # mean square; less is rounding, and has no correlation
 
 # lines
 _FEWEST_LINES = 3  # that say something
@@ -56,10 +64,15 @@ _STRONG_PERCENT = 90  # of the gradients lie below a strong one
 _WHOLE = 0.9  # part of a line's points at which there must be an edge
 _FEWEST_POINTS = 12
 _JUMP, _JUMP_PERCENT = 0.6, 97  # px that an edge's place may change from one pixel to the next, in so many of them
+_SHORTEST = 4  # a line is a quarter of the picture's shorter side long at least
+_SWELL = 5  # px to which drawn edges are widened, so that a line may sway
+_ACROSS = 0.5  # px between the samples across a line
+_PEAK = 3  # samples to either side of an edge's peak that its place is averaged over; origin: by trial
 
 # flicker
 _DETAIL = 3.0  # px; what a Gaussian of this width takes away is detail
 _COUNTED = 0.95  # of the pixels count; the rest differ most because something hides or uncovers them
+_NO_DETAIL = 1e-9  # mean square of detail; less is none
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,7 +93,7 @@ def aligned(image: Colours, truth: Colours) -> Aligned:
 
     (Koehler et al., ECCV 2012.) A border of 40 px is left out where there is room for one.
     """
-    border = min(BORDER, min(image.shape[:2]) // 4)
+    border = min(BORDER, min(image.shape[:2]) // _BORDER_PART)
     inside = np.s_[border:-border, border:-border]
     grey = [np.ascontiguousarray(x.mean(axis=2, dtype=np.float32)) for x in (image, truth)]
     b = grey[1][inside]
@@ -115,14 +128,14 @@ def aligned(image: Colours, truth: Colours) -> Aligned:
         d = (d.image - d.truth).ravel()
         return float(np.vdot(d, d)) / d.size
 
-    simplex = shift + 0.15 * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])  # how interpolation smooths noise, derivatives do not tell
-    best = minimize(cost, shift, method="Nelder-Mead", options={"initial_simplex": simplex, "xatol": 0.04, "fatol": 3e-7, "maxiter": 10})
+    simplex = shift + _SIMPLEX * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    best = minimize(cost, shift, method="Nelder-Mead", options={"initial_simplex": simplex, **_SETTLED})
     return pair(best.x)
 
 
 def _moved(image: np.ndarray, shift: np.ndarray, border: int) -> np.ndarray:
     """The inside of an image that is moved by `shift`; what lies further off than that is not looked at."""
-    reach = min(border, int(np.ceil(np.abs(shift).max())) + 3)
+    reach = min(border, int(np.ceil(np.abs(shift).max())) + _CUBIC)
     cut = border - reach
     rows, cols = image.shape[:2]
     near = image[cut : rows - cut, cut : cols - cut]
@@ -155,12 +168,12 @@ def ssim_of(pair: Aligned) -> float:
     a, b = luma(pair.image), luma(pair.truth)
 
     def mean(x: Grey) -> Grey:
-        return cv2.GaussianBlur(x, (11, 11), 1.5, borderType=cv2.BORDER_REFLECT)
+        return cv2.GaussianBlur(x, (_SSIM_SIDE, _SSIM_SIDE), _SSIM_SIGMA, borderType=cv2.BORDER_REFLECT)
 
     mu_a, mu_b = mean(a), mean(b)
     s_a, s_b, s_ab = mean(a * a) - mu_a**2, mean(b * b) - mu_b**2, mean(a * b) - mu_a * mu_b
-    local = (2 * mu_a * mu_b + 1e-4) * (2 * s_ab + 9e-4) / ((mu_a**2 + mu_b**2 + 1e-4) * (s_a + s_b + 9e-4))
-    edge = 5 if min(local.shape) > 20 else 0  # windows that hang over
+    local = (2 * mu_a * mu_b + _SSIM_C1) * (2 * s_ab + _SSIM_C2) / ((mu_a**2 + mu_b**2 + _SSIM_C1) * (s_a + s_b + _SSIM_C2))
+    edge = _SSIM_SIDE // 2 if min(local.shape) >= 2 * _SSIM_SIDE - 1 else 0  # windows that hang over
     return float(local[edge : local.shape[0] - edge, edge : local.shape[1] - edge].mean(dtype=np.float64))
 
 
@@ -213,21 +226,21 @@ def _width(p: np.ndarray) -> float:
     b = middle + int(right[0]) if len(right) else len(p) - 1
     if (height := p[b] - p[a]) < _LOWEST:
         return np.nan
-    begin, end = np.interp([p[a] + 0.1 * height, p[a] + 0.9 * height], p[a : b + 1], np.arange(a, b + 1) * _STEP)
+    begin, end = np.interp([p[a] + _FROM * height, p[a] + _TO * height], p[a : b + 1], np.arange(a, b + 1) * _STEP)
     return float(end - begin)
 
 
-def ringing(image: Grey, recorded: Grey) -> float:
+def ringing(image: Grey, recording: Grey) -> float:
     """RMS in % of white of what a picture shows at wavelengths of about 5 to 30 px where the recording is flat; less is better.
 
     Flat are the places whose surroundings of 25 px are the quietest fifth of the recording. What stands there in a restored
     picture has leaked from edges further off, or is noise (after the ringing measure of Liu et al., SIGGRAPH Asia 2013). Faint
     texture that the blur has wiped out counts too: compare with the value of the truth where there is one.
     """
-    smooth = cv2.GaussianBlur(recorded.astype(np.float32), (0, 0), 2.0)
+    smooth = cv2.GaussianBlur(recording.astype(np.float32), (0, 0), 2.0)
     slope = np.hypot(*(cv2.Sobel(smooth, cv2.CV_32F, *d, ksize=3, scale=1 / 8) for d in ((1, 0), (0, 1))))
     busy = cv2.dilate(slope, np.ones((_SURROUNDINGS, _SURROUNDINGS), np.uint8), borderType=cv2.BORDER_REFLECT)
-    border = min(BORDER, min(image.shape) // 4)
+    border = min(BORDER, min(image.shape) // _BORDER_PART)
     inside = np.s_[border:-border, border:-border]
     flat = busy[inside] <= min(float(np.percentile(busy[inside], _FLAT_PERCENT)), _FLATTEST)
     if flat.sum() < _FEWEST_PIXELS:
@@ -251,7 +264,7 @@ def whiteness(residual: Grey, valid: Bool[np.ndarray, "rows cols"]) -> float:
     power = [np.fft.irfft2(np.abs(np.fft.rfft2(x, shape)) ** 2, shape) for x in (r, w)]
     lags = [(i, j) for i in range(_LAGS + 1) for j in range(-_LAGS, _LAGS + 1) if (i, j) > (0, 0)]
     energy = power[0][0, 0] / power[1][0, 0]
-    if energy <= 1e-14:
+    if energy <= _NO_RESIDUAL:
         return 0.0
     rho = np.array([power[0][lag] / max(power[1][lag], 1.0) for lag in lags]) / energy
     return float(np.sqrt(np.mean(rho**2)))
@@ -269,9 +282,9 @@ def straightness(image: Grey) -> tuple[float, int]:
     strong = max(_FAINTEST, float(np.percentile(np.hypot(gx, gy), _STRONG_PERCENT)))
     codes = np.clip(np.rint(255 * smooth), 0, 255).astype(np.uint8)
     drawn = cv2.Canny(codes, 255 * 4 * strong, 255 * 8 * strong, L2gradient=True)
-    least = min(image.shape) / 4
+    least = min(image.shape) / _SHORTEST
     cv2.setRNGSeed(0)
-    drawn = cv2.dilate(drawn, np.ones((5, 5), np.uint8))  # so that a line may sway
+    drawn = cv2.dilate(drawn, np.ones((_SWELL, _SWELL), np.uint8))
     found = cv2.HoughLinesP(drawn, 2, np.pi / 180, int(2 * least), minLineLength=least, maxLineGap=_GAP)
     if found is None:
         return np.nan, 0
@@ -305,7 +318,7 @@ def _offsets(gx: Grey, gy: Grey, segment: np.ndarray, strong: float) -> np.ndarr
     length = float(np.hypot(*along))
     u = along / length
     n = np.array([-u[1], u[0]])
-    t, s = np.arange(0, length, 1.0), np.arange(-_SWAY, _SWAY + 0.25, 0.5)
+    t, s = np.arange(0, length, 1.0), np.arange(-_SWAY, _SWAY + _ACROSS / 2, _ACROSS)
     xy = start[:, None, None] + u[:, None, None] * t[None, :, None] + n[:, None, None] * s[None, None, :]
     across = sum(
         k * map_coordinates(g, xy[::-1].reshape(2, -1), order=1, mode="nearest").reshape(xy.shape[1:])
@@ -313,7 +326,7 @@ def _offsets(gx: Grey, gy: Grey, segment: np.ndarray, strong: float) -> np.ndarr
     )
     across = np.maximum(across if np.sum(across) > 0 else -np.asarray(across), 0.0)
     peak = across.argmax(axis=1)
-    near = np.abs(np.arange(len(s))[None] - peak[:, None]) <= 3
+    near = np.abs(np.arange(len(s))[None] - peak[:, None]) <= _PEAK
     weight = np.where(near, across, 0.0) ** 2
     good = (across.max(axis=1) > 0.5 * strong) & (peak > 0) & (peak < len(s) - 1)
     if good.mean() < _WHOLE or good.sum() < _FEWEST_POINTS:
@@ -337,12 +350,12 @@ def flicker(image: Grey, following: Grey) -> float:
     rows, cols = a.shape
     x, y = np.meshgrid(np.arange(cols, dtype=np.float32), np.arange(rows, dtype=np.float32))
     back = cv2.remap(following.astype(np.float32), x + flow[..., 0], y + flow[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-    border = min(BORDER, min(a.shape) // 4)
+    border = min(BORDER, min(a.shape) // _BORDER_PART)
     inside = np.s_[border:-border, border:-border]
     d = np.sort(((back - image)[inside] ** 2).ravel())[: int(_COUNTED * (rows - 2 * border) * (cols - 2 * border))]
     fine = (image - cv2.GaussianBlur(image.astype(np.float32), (0, 0), _DETAIL))[inside]
     detail = float(np.mean(fine.astype(np.float64) ** 2))
-    return float(np.sqrt(d.mean(dtype=np.float64) / detail)) if detail > 1e-9 else np.nan
+    return float(np.sqrt(d.mean(dtype=np.float64) / detail)) if detail > _NO_DETAIL else np.nan
 
 
 def path_error(found: Float[np.ndarray, "n axes"], truth: Float[np.ndarray, "n axes"]) -> float:

@@ -13,7 +13,9 @@ from rsvideo.report import charts, embedded, plots
 from rsvideo.report.comparison import Comparison, KeyFrame
 
 _TILE = 56  # px that a kernel is enlarged to at most
-_FAINTEST = 8  # of 255, the opacity of a kernel's empty pixels: where tiles end can be seen
+_FAINTEST = 8  # of 255, the opacity of a kernel's empty pixels: it shows where tiles end
+_GAP_PART = 12  # kernels stand a twelfth of their width apart
+_LEAST_PEAK = 1e-12  # an empty kernel divides by this
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,13 +67,13 @@ def _tiles(sidecar: Sidecar, record: FrameRecord) -> tuple[Float[np.ndarray, "ti
 def _drawn(tiles: Float[np.ndarray, "tiles k k"], across: int) -> bytes:
     """Kernels in a grid, as opaque as they are strong, so that they can stand on any paper."""
     k, scale = tiles.shape[-1], max(1, _TILE // tiles.shape[-1])
-    gap = max(1, k * scale // 12)
+    gap = max(1, k * scale // _GAP_PART)
     cell = k * scale + gap
     down = -(-len(tiles) // across)
     alpha = np.zeros((down * cell + gap, across * cell + gap), np.uint8)
     for n, tile in enumerate(tiles):
         y, x = gap + n // across * cell, gap + n % across * cell
-        strong = np.clip(255 * np.sqrt(np.maximum(tile, 0) / max(float(tile.max()), 1e-12)), _FAINTEST, 255).astype(np.uint8)
+        strong = np.clip(255 * np.sqrt(np.maximum(tile, 0) / max(float(tile.max()), _LEAST_PEAK)), _FAINTEST, 255).astype(np.uint8)
         alpha[y : y + k * scale, x : x + k * scale] = np.kron(strong, np.ones((scale, scale), np.uint8))
     picture = np.zeros((*alpha.shape, 4), np.uint8)
     picture[..., 3] = alpha

@@ -6,21 +6,21 @@
   const figures = all(".panel");
   const first = Object.fromEntries(figures.map((f) => [f.dataset.entry, f.querySelector("img").src]));
   const kept = new Map([[data.key, first]]);
-  const picture = (look) => {
-    if (!kept.has(look)) {
-      const from = $(`look-${look}`);
-      kept.set(look, JSON.parse(from.textContent));
+  const picture = (keyFrame) => {
+    if (!kept.has(keyFrame)) {
+      const from = $(`key-frame-${keyFrame}`);
+      kept.set(keyFrame, JSON.parse(from.textContent));
       from.remove();
     }
-    return kept.get(look);
+    return kept.get(keyFrame);
   };
-  const state = { look: data.key, view: { x: 0, y: 0, w: data.cols } };
+  const state = { keyFrame: data.key, view: { x: 0, y: 0, w: data.cols } };
   const ratio = 4 / 3;
 
   // frames
   const left = $("left"), right = $("right");
   const display = () => {
-    const shown = picture(state.look), captions = data.captions[state.look];
+    const shown = picture(state.keyFrame), captions = data.captions[state.keyFrame];
     for (const f of figures) {
       const name = f.dataset.entry, image = f.querySelector("img");
       f.classList.toggle("absent", !(name in shown));
@@ -29,12 +29,12 @@
     }
     pair();
     $("map").src = shown[right.value] || Object.values(shown)[0];
-    const template = document.querySelector(`template[data-motion="${state.look}"]`);
+    const template = document.querySelector(`template[data-motion="${state.keyFrame}"]`);
     if (template) $("motions").replaceChildren(template.content.cloneNode(true));
-    all(".frame-number").forEach((at) => (at.textContent = data.frames[state.look].index));
+    all(".frame-number").forEach((at) => (at.textContent = data.frames[state.keyFrame].index));
   };
   const pair = () => {
-    const shown = picture(state.look), captions = data.captions[state.look];
+    const shown = picture(state.keyFrame), captions = data.captions[state.keyFrame];
     for (const [image, choice, tag] of [[$("over"), left, $("tag-left")], [$("under"), right, $("tag-right")]]) {
       const name = choice.value;
       if (name in shown) image.src = shown[name];
@@ -43,9 +43,9 @@
     }
   };
   left.addEventListener("change", pair);
-  right.addEventListener("change", () => { pair(); $("map").src = picture(state.look)[right.value] || $("map").src; });
+  right.addEventListener("change", () => { pair(); $("map").src = picture(state.keyFrame)[right.value] || $("map").src; });
   all("input[name=frame]").forEach((radio) => radio.addEventListener("change", () => {
-    state.look = Number(radio.value);
+    state.keyFrame = Number(radio.value);
     display();
     const film = radio.closest(".film"), label = radio.closest("label");
     film.scrollLeft = label.offsetLeft - film.offsetLeft - (film.clientWidth - label.clientWidth) / 2;
@@ -92,7 +92,7 @@
       b.setAttribute("aria-pressed", Math.abs(a - view.x) < 1 && Math.abs(c - view.y) < 1 && Math.abs(d - view.w) < 1);
     });
   };
-  const look = (x, y, w) => {
+  const viewAt = (x, y, w) => {
     view.w = Math.max(16, Math.min(w, data.cols, data.rows * ratio));
     view.x = Math.max(0, Math.min(x, data.cols - view.w));
     view.y = Math.max(0, Math.min(y, data.rows - view.w / ratio));
@@ -104,23 +104,23 @@
   };
   const zoom = (factor, u = 0.5, v = 0.5) => {
     const w = Math.max(16, Math.min(view.w * factor, data.cols, data.rows * ratio));
-    look(view.x + u * (view.w - w), view.y + v * (view.w - w) / ratio, w);
+    viewAt(view.x + u * (view.w - w), view.y + v * (view.w - w) / ratio, w);
   };
-  all(".crop").forEach((b) => b.addEventListener("click", () => look(...around(...data.crops[b.dataset.crop]))));
+  all(".crop").forEach((b) => b.addEventListener("click", () => viewAt(...around(...data.crops[b.dataset.crop]))));
   $("in").addEventListener("click", () => zoom(1 / 1.5));
   $("out").addEventListener("click", () => zoom(1.5));
-  $("whole").addEventListener("click", () => look(0, 0, data.cols));
+  $("whole").addEventListener("click", () => viewAt(0, 0, data.cols));
   for (const key of ["x", "y", "w"]) {
     $(key).max = key === "y" ? data.rows : data.cols;
     $(key).addEventListener("change", () => {
       const value = Number($(key).value);
-      if (Number.isFinite(value)) look(key === "x" ? value : view.x, key === "y" ? value : view.y, key === "w" ? value : view.w);
+      if (Number.isFinite(value)) viewAt(key === "x" ? value : view.x, key === "y" ? value : view.y, key === "w" ? value : view.w);
     });
   }
   panels.addEventListener("keydown", (event) => {
     const step = view.w / 8;
     const way = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, -step], ArrowDown: [0, step] }[event.key];
-    if (way) look(view.x + way[0], view.y + way[1], view.w);
+    if (way) viewAt(view.x + way[0], view.y + way[1], view.w);
     else if (event.key === "+" || event.key === "=") zoom(1 / 1.5);
     else if (event.key === "-") zoom(1.5);
     else return;
@@ -137,7 +137,7 @@
   panels.addEventListener("pointermove", (event) => {
     if (!grip) return;
     const px = view.w / grip.pane.clientWidth;
-    look(grip.from.x - (event.clientX - grip.x) * px, grip.from.y - (event.clientY - grip.y) * px, view.w);
+    viewAt(grip.from.x - (event.clientX - grip.x) * px, grip.from.y - (event.clientY - grip.y) * px, view.w);
   });
   for (const kind of ["pointerup", "pointercancel"]) panels.addEventListener(kind, () => {
     if (grip) grip.pane.classList.remove("dragged");
@@ -160,11 +160,11 @@
   overview.addEventListener("pointermove", (event) => {
     if (!drawn) return;
     const [x, y] = place(event), w = Math.abs(x - drawn[0]), h = Math.abs(y - drawn[1]);
-    if (w > 12 || h > 12) look(...around(Math.min(x, drawn[0]), Math.min(y, drawn[1]), w, h));
+    if (w > 12 || h > 12) viewAt(...around(Math.min(x, drawn[0]), Math.min(y, drawn[1]), w, h));
   });
   overview.addEventListener("pointerup", (event) => {
     const [x, y] = place(event);
-    if (drawn && Math.hypot(x - drawn[0], y - drawn[1]) <= 12) look(x - view.w / 2, y - view.w / ratio / 2, view.w);
+    if (drawn && Math.hypot(x - drawn[0], y - drawn[1]) <= 12) viewAt(x - view.w / 2, y - view.w / ratio / 2, view.w);
     drawn = null;
   });
   overview.addEventListener("pointercancel", () => (drawn = null));
@@ -204,6 +204,6 @@
   scale();
   display();
   divide();
-  if (data.crops.length) look(...around(...data.crops[0])); else look(0, 0, data.cols);
+  if (data.crops.length) viewAt(...around(...data.crops[0])); else viewAt(0, 0, data.cols);
   document.documentElement.dataset.ready = "yes";
 })();

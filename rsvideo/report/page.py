@@ -7,6 +7,7 @@ from urllib.parse import quote
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
+from rsvideo.config.printable import printable
 from rsvideo.report import embedded, entry_table, measure_charts, motion_figures
 from rsvideo.report.comparison import Comparison, Entry, KeyFrame, measures_of
 from rsvideo.report.entry_table import Row
@@ -62,8 +63,13 @@ def index(title: str, comparisons: Sequence[tuple[str, Comparison]]) -> bytes:
 
 
 def _template(name: str):
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(autoescape=True, finalize=_finalized, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(embedded.text(name))
+
+
+def _finalized(value: object) -> object:
+    """Names as they may stand in a page; what is markup already stays."""
+    return printable(value, keep="\n\t") if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _after(shown: Sequence[Row]) -> str:

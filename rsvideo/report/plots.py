@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rsvideo.config.sidecar import FrameRecord, Sidecar
+from rsvideo.config.yaml import shown
 from rsvideo.physics.camera import turned
 from rsvideo.physics.psf import psf_from_trace
 from rsvideo.physics.shutter import Direction, ShutterTiming
@@ -18,6 +19,9 @@ FORMATS = ("png", "pdf", "svg")
 _BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
 _GRID = (5, 7)  # points across the shorter and the longer side
 _INSTANTS = 400  # samples of one exposure
+_ROOM = 1.1  # times a trace's reach, that its tile shows
+_LONGEST = 200  # px from the middle of a trace to its end; longer ones are drawn smaller
+_MOST_TITLE = 120  # characters
 
 
 def motion(sidecar: Sidecar, kind: str, index: int = 0) -> bytes:
@@ -42,7 +46,7 @@ def motion(sidecar: Sidecar, kind: str, index: int = 0) -> bytes:
         axes[-1].set(xlabel="time (ms); the restored image shows the middle", xlim=(0, 1e3 * timing.interval[1]))
         paths.align_ylabels(axes)
         _draw_blurs(blurs.subplots(), sidecar, record)
-        figure.suptitle(f"{Path(sidecar.input).name}: {record.verdict}", fontsize=11)
+        figure.suptitle(shown(f"{Path(sidecar.input).name}: {record.verdict}", most=_MOST_TITLE), fontsize=11, parse_math=False)
         file = io.BytesIO()
         figure.savefig(file, format=kind, dpi=150)
     return file.getvalue()
@@ -81,27 +85,28 @@ def _draw_exposures(panel: Axes, timing: ShutterTiming) -> None:
 def _draw_blurs(panel: Axes, sidecar: Sidecar, record: FrameRecord) -> None:
     """The trace that a point of light leaves at each point of a grid, all at one magnification."""
     camera = sidecar.settings.camera
-    centres, tiles = psfs(sidecar, record)
+    centres, tiles, shrunk = psfs(sidecar, record)
     cell = _cell(sidecar)
-    half = tiles.shape[-1] // 2
+    half = shrunk * (tiles.shape[-1] // 2)
     for (x, y), tile in zip(centres, tiles, strict=True):
         extent = (x - 0.44 * cell, x + 0.44 * cell, y + 0.44 * cell, y - 0.44 * cell)
         panel.imshow(tile, cmap="gray_r", extent=extent, interpolation="nearest", vmin=0, vmax=tile.max())
         panel.add_artist(_frame(extent))
     panel.set(xlim=(0, camera.cols), ylim=(camera.rows, 0), aspect="equal", xlabel="column", ylabel="row")
     panel.spines["top"].set_visible(True)
-    panel.set_title(f"blur across the frame; each tile is {2 * half + 1} px wide", fontsize=10)
+    panel.set_title(f"blur across the frame; each tile is {2 * half + 1:.0f} px wide", fontsize=10)
 
 
-def psfs(sidecar: Sidecar, record: FrameRecord) -> tuple[list[tuple[float, float]], Float[np.ndarray, "tiles k k"]]:
-    """Where the points of a grid stand in the frame, and the trace that a point of light leaves there, all at one magnification."""
+def psfs(sidecar: Sidecar, record: FrameRecord) -> tuple[list[tuple[float, float]], Float[np.ndarray, "tiles k k"], float]:
+    """Where the points of a grid stand in the frame, the trace that a point of light leaves there, and by how much all are shrunk."""
     camera, timing = sidecar.settings.camera, sidecar.timing(record)
     down, across = grid(sidecar)
     centres = [((i + 0.5) * camera.cols / across, (j + 0.5) * camera.rows / down) for j in range(down) for i in range(across)]
     traces = [_trace(np.array(centre), sidecar, record, timing) for centre in centres]
     reach = max(float(np.abs(trace - trace.mean(axis=0)).max()) for trace in traces)
-    half = max(2, int(np.ceil(1.1 * reach)) + 1)  # px from a trace's middle to the edge of its tile
-    return centres, np.stack([psf_from_trace(trace - trace.mean(axis=0), half) for trace in traces])
+    shrunk = max(1.0, reach / _LONGEST)
+    half = max(2, int(np.ceil(_ROOM * reach / shrunk)) + 1)  # px from a trace's middle to the edge of its tile
+    return centres, np.stack([psf_from_trace((trace - trace.mean(axis=0)) / shrunk, half) for trace in traces]), shrunk
 
 
 def grid(sidecar: Sidecar) -> tuple[int, int]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from rsvideo.report.comparison import Comparison, Entry, best, measures_of
 
 OURS = "rsvideo"
-_LEAD = 0.01  # dB; a smaller lead is not seen in numbers of two digits
+_LEAD = 0.01  # dB; a smaller lead does not show in numbers of two digits
 _MOST_NUMBERS = 12  # frames that a sentence names
 
 
@@ -39,14 +39,14 @@ def _against_truth(comparison: Comparison, done: Sequence[Entry], ours: str) -> 
 
 def _closest(comparison: Comparison, first: Entry, others: Sequence[Entry]) -> str:
     """The lead of the method that comes closest, over the recording and over the next best."""
-    recorded = next((entry for entry in comparison.entries if entry.role == "recorded" or entry.name == "none"), None)
+    recording = next((entry for entry in comparison.entries if entry.role == "recorded" or entry.name == "none"), None)
     words = f"{first.name} comes closest to the truth, {first.mean('psnr'):.2f} dB"
     if len(first.frames) > 1:
         words += f" on average over {len(first.frames)} frames"
     leads = []
-    if recorded and recorded is not first:
-        leads.append(f"{first.mean('psnr') - recorded.mean('psnr'):.2f} dB more than the recording")
-    if rivals := [entry for entry in others if entry is not recorded]:
+    if recording and recording is not first:
+        leads.append(f"{first.mean('psnr') - recording.mean('psnr'):.2f} dB more than the recording")
+    if rivals := [entry for entry in others if entry is not recording]:
         leads.append(f"{first.mean('psnr') - rivals[0].mean('psnr'):.2f} dB more than {rivals[0].name}, the next best")
     return words + (f": {_and(leads)}." if leads else ".")
 

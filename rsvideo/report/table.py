@@ -11,6 +11,7 @@ import numpy as np
 
 Format = Literal["markdown", "latex", "csv"]
 _NONE = "-"
+_LISTED = 6  # cases of one reason that are named
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +44,8 @@ class Table:
             for method, why in row.why_not.items():
                 reasons.setdefault((method, why), []).append(row.case)
         return tuple(
-            f"{method}: {why} ({', '.join(cases[:6])}{', ...' if len(cases) > 6 else ''})" for (method, why), cases in reasons.items()
+            f"{method}: {why} ({', '.join(cases[:_LISTED])}{', ...' if len(cases) > _LISTED else ''})"
+            for (method, why), cases in reasons.items()
         )
 
 

@@ -22,6 +22,8 @@ BORDER_IMAGES = 8  # kernels that fit along an image whose sides can be left out
 PROGRAM_STEPS = 150  # of projected gradients; origin: by trial
 EIGENVALUE_STEPS = 12  # of the power method, and SAFE times what it finds, as it comes from below
 SAFE = 1.05
+_LEAST_POWER = 1e-12  # of gradients; a picture without any divides by this
+_SMALLEST_SIDE = 8  # px of a picture in the pyramid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +128,7 @@ def correlations(
     index = np.arange(size)
     offset = index[:, None] - index[None] + size - 1
     matrix = auto[offset[:, None, :, None], offset[None, :, None, :]].reshape(size * size, size * size)
-    return matrix.astype(np.float32), linear.ravel().astype(np.float32), max(float(auto[size - 1, size - 1]), 1e-12)
+    return matrix.astype(np.float32), linear.ravel().astype(np.float32), max(float(auto[size - 1, size - 1]), _LEAST_POWER)
 
 
 def simplex_program(matrix: Float[np.ndarray, "n n"], linear: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -239,7 +241,7 @@ def _gradients(image: Float[np.ndarray, "rows cols"]) -> list[Float[np.ndarray, 
 def _resized(image: Float[np.ndarray, "rows cols"], scale: float) -> Float[np.ndarray, "r c"]:
     if scale == 1:
         return image
-    size = (max(8, round(image.shape[1] * scale)), max(8, round(image.shape[0] * scale)))
+    size = (max(_SMALLEST_SIDE, round(image.shape[1] * scale)), max(_SMALLEST_SIDE, round(image.shape[0] * scale)))
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 

@@ -34,6 +34,9 @@ NEIGHBOURS = 5  # pieces, half a frame's interval apart, whose median speed one 
 OUTLIER = 2.0  # times the typical residual, at which a point counts half (Cauchy's weights)
 FIELD = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2))  # powers of x and y, from the picture's centre, in halves of its longer side
 FREE = 1e-6  # precision of every coefficient, in 1 / px^2: a spread of 1000 px, so that where the path begins is free
+_FIT_POINTS = 4  # for each coefficient of a frame's polynomial, at which it is fitted to the spline; origin: by trial
+_SPEED_POINTS = 9  # of the window in which a path's speed is measured; origin: by trial
+_ROUNDING = 1e-9  # s, and rows: keeps the last of a range inside it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +49,7 @@ class CameraPath:
 
 def windows(path: Spline, begins: float, timing: ShutterTiming, terms: int = TERMS) -> Float[np.ndarray, "terms coefficients"]:
     """M: the spline's coefficients to those of the polynomial nearest to it over the frame that begins at `begins`."""
-    t = np.linspace(*timing.interval, 4 * terms)
+    t = np.linspace(*timing.interval, _FIT_POINTS * terms)
     basis = polynomial(timing, 2, terms).basis(t)
     return np.linalg.lstsq(basis, path.basis(t + begins), rcond=None)[0]
 
@@ -141,7 +144,7 @@ class _Pieces:
         timing = camera.timing
         duration = timing.interval[1]
         last = max(path.t0, path.t1 - duration)  # where the last piece begins; no part of the path is without a prior
-        begins = np.linspace(path.t0, last, 1 + int(np.ceil((last - path.t0) / (duration / 2) - 1e-9)))
+        begins = np.linspace(path.t0, last, 1 + int(np.ceil((last - path.t0) / (duration / 2) - _ROUNDING)))
         unit = pose_unit(camera.intrinsics, path.coefficients.shape[1])
         return cls(
             begins=begins,
@@ -167,7 +170,7 @@ def _reaches(path: Spline, begins: Float[np.ndarray, " pieces"], timing: Shutter
 def exposure_length(path: Spline, begins: float, timing: ShutterTiming) -> float:
     """The length in px of the path within one exposure, from its mean speed about a frame's middle; not less than 4 px a frame."""
     window = max(timing.exposure, timing.interval[1] / 2)  # the speed of a short exposure alone is noise
-    t = begins + timing.middle + window * np.linspace(-0.5, 0.5, 9)
+    t = begins + timing.middle + window * np.linspace(-0.5, 0.5, _SPEED_POINTS)
     travelled = float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum())
     return timing.exposure * max(travelled / window, LEAST_REACH / timing.interval[1])
 
@@ -191,7 +194,7 @@ class _Pair:
         for at, turned, points in zip(begins, back, (tracks.before, tracks.after), strict=True):
             open_at = (times[::-1] if turned else times) + at
             basis = path.basis(open_at).mean(axis=1)
-            place = np.clip(points[:, 1] / (timing.rows - 1) * (NODES - 1), 0, NODES - 1 - 1e-9)
+            place = np.clip(points[:, 1] / (timing.rows - 1) * (NODES - 1), 0, NODES - 1 - _ROUNDING)
             low, share = place.astype(int), (place % 1)[:, None]
             poses.append((1 - share) * basis[low] + share * basis[low + 1])
             when.append(np.interp(points[:, 1], nodes, open_at.mean(axis=1)))

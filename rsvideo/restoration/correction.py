@@ -21,6 +21,8 @@ ENOUGH = 30_000  # pixels; sparsity of fewer is less certain
 STEPS = 16  # of L-BFGS
 TIMES = 129  # at which the given path is compared with the polynomial beside it
 KNOTS = 64  # of the corrected path at least, so that it keeps motion finer than the correction
+_FIT_POINTS = 4  # for each knot of the corrected path, at which it is fitted; origin: by trial
+_BEGUN = 0.1  # of the whole work, after which the first path is shown; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,10 +45,10 @@ def corrected(scene: Scene, start: ApproximatePath, settings: Settings) -> Itera
     first = fit(still(interval, degree=settings.degree, axes=given.coefficients.shape[1]), t, given.at(t))
     part = windowed(scene)
     part = replace(part, samples=max(part.samples, math.ceil(longest(part.camera, first))))
-    yield Estimate(stage="path", fraction=0.1, trajectory=given)
+    yield Estimate(stage="path", fraction=_BEGUN, trajectory=given)
     best = refine(part, first, _prior(start, first, part, settings.degree), ridge=part.ridge, steps=STEPS)
     finer = Spline(t0=t[0], t1=t[-1], coefficients=np.zeros((max(KNOTS, len(given.coefficients)), given.coefficients.shape[1])))
-    t = np.linspace(*interval, 4 * len(finer.coefficients))
+    t = np.linspace(*interval, _FIT_POINTS * len(finer.coefficients))
     path = fit(finer, t, given.at(t) + best.trajectory.at(t) - first.at(t))
     yield Estimate(stage="path", fraction=ESTIMATED, trajectory=path, values=best.values)
 

@@ -12,6 +12,7 @@ PLAIN_NOISE = 5e-3  # standard deviation, white being 1, up to which MU serves; 
 MOST_MU = 10.0  # times MU
 STEPS = 25  # of ADMM; origin: by trial
 BORDER = 8, 16  # rows and columns along the frame's sides that are left out, at most a quarter of the tile's
+_MOST_BORDER = 4  # the part of a tile's side that BORDER leaves out is a quarter at most
 
 
 def energy(scene: Scene, trajectory: Trajectory) -> float:
@@ -28,7 +29,7 @@ def energy(scene: Scene, trajectory: Trajectory) -> float:
         op = system.op
         latent = total_variation(system, mu, steps=STEPS)
         blurred = op.image(op.forward(op.spectrum(latent)))[:, op.left : op.left + op.cols]
-        down, across = min(BORDER[0], op.rows // 4), min(BORDER[1], op.cols // 4)
+        down, across = min(BORDER[0], op.rows // _MOST_BORDER), min(BORDER[1], op.cols // _MOST_BORDER)
         inner = np.s_[down : op.rows - down, across : op.cols - across]
         residual = (system.valid * (blurred - system.frame))[inner]
         inside = system.crop(latent)[inner]

@@ -31,6 +31,7 @@ PLENTY = 500_000  # pixels; of larger frames every second row and column is comp
 STEPS = 4  # of Gauss-Newton at most
 SETTLED = 0.02  # px; a step that moves no sample farther is the last
 OUTLIER = 3  # times the typical difference, at which a pixel counts half
+_LEAST_DIFFERENCE = 1e-4  # of white: frames that agree exactly divide by this
 STIFFNESS = 1e-3  # of the displacement, relative to the mean of the normal matrix's diagonal
 
 
@@ -111,7 +112,7 @@ def _aligned(
         sampled = _sampled(other, at, cv2.INTER_LINEAR)
         gx, gy = cv2.Sobel(sampled, -1, 1, 0, scale=1 / 8)[thin], cv2.Sobel(sampled, -1, 0, 1, scale=1 / 8)[thin]
         apart = first[thin] - sampled[thin]
-        weight = 1 / (1 + (apart / (OUTLIER * np.median(np.abs(apart)) + 1e-4)) ** 2)
+        weight = 1 / (1 + (apart / (OUTLIER * np.median(np.abs(apart)) + _LEAST_DIFFERENCE)) ** 2)
         slopes = np.stack([gx, gy, gx * across[thin[1]].astype(np.float32), gy * across[thin[1]].astype(np.float32)])
         by_row = np.einsum("frc,grc->rfg", slopes * weight, slopes, optimize=True)
         p = basis[thin[0]]

@@ -7,7 +7,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 
 SPREAD = 0.35  # of the linear coefficient, in lengths of one exposure's path: 1 / sqrt(12) for even motion, and room for more
-FALL = 0.4  # of the coefficients from degree to degree over FALL_TIME; recorded hand shake falls by 4 to 5, this is wider by 2
+FALL = 0.4  # of the coefficients from degree to degree over FALL_TIME; measured hand shake falls by 4 to 5, this is wider by 2
 FALL_TIME = 0.04  # s
 MOST_FALL_TIMES = 2.0  # intervals longer than this many FALL_TIMEs are believed to be no rougher than that
 

@@ -12,6 +12,8 @@ from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import path_along_scanlines, path_in_image
 
 SAMPLE = 1e-3  # s, of a path joined over all frames
+_SHORTEST_BLEND = 1e-9  # s, of a ramp from one frame's path to the next one's: interpolation needs rising times
+_LEAST_WEIGHT = 1e-9  # of the frames at an instant; where none reaches, the sum is divided by this
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,9 +67,9 @@ def joined(
         # from where the frame before has ended, or this one begins, to where the next one begins, or this one ends; and across gaps
         rise = sorted((ends[k - 1], begins[k])) if k else (t[0] - 1, t[0] - 0.5)
         fall = sorted((ends[k], begins[k + 1])) if k + 1 < len(begins) else (t[-1] + 0.5, t[-1] + 1)
-        weight = np.interp(t, [rise[0], rise[1] + 1e-9, fall[0], fall[1] + 1e-9], [0, 1, 1, 0])
+        weight = np.interp(t, [rise[0], rise[1] + _SHORTEST_BLEND, fall[0], fall[1] + _SHORTEST_BLEND], [0, 1, 1, 0])
         near = np.flatnonzero(weight)
         total[near] += weight[near]
         for a in range(steps.shape[1]):
             poses[near, a] += weight[near] * (at[k, a] + np.interp(t[near] - begins[k], times, path[:, a]))
-    return t, poses / np.maximum(total, 1e-9)[:, None]
+    return t, poses / np.maximum(total, _LEAST_WEIGHT)[:, None]

@@ -32,6 +32,12 @@ DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e4  # of Levenberg-Marquardt
 DAMPING_FALL, DAMPING_RISE = 0.3, 5  # its factors after a step that lowers the energy, and after one that does not
 SETTLED = 1e-4  # relative fall of the energy that ends it; these six are compiled in
 ROUGHNESS = 0.05  # of the fit of the first velocities, against their own fit, times (degree / P)^2; origin: by trial
+_FAINT_ROW, _FAINT = 1e-7, 1e-9  # weights of a Gaussian's row and of its points, below which they are passed over
+_DIAGONAL = 1e-9  # added to the normal matrix: a coefficient that nothing depends on stays
+_LEAST_RESIDUAL = 1e-12  # strips that are explained exactly divide by this
+_SHIFT_RIDGE = 1e-12  # of the strips' own shifts, which are eliminated
+_LAG = 1e-4  # of the interval, half of the difference by which a basis is differentiated
+KEPT = 4  # paths that a fit hands on; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,11 +75,11 @@ def _render(points, design, grid, sigma, image, jacobian):
         for a in range(g):
             dy = (grid[a] - py) / (sigma * sigma)
             wy = ey[a] * norm
-            if wy < 1e-7:
+            if wy < _FAINT_ROW:
                 continue
             for b in range(g):
                 w = wy * ex[b]
-                if w < 1e-9:
+                if w < _FAINT:
                     continue
                 dx = w * (grid[b] - px) / (sigma * sigma)
                 image[a, b] += w
@@ -144,7 +150,7 @@ def _levenberg(starts, design, targets, weights, grid, sigma, prior, steps):
         for _ in range(steps):
             damped = normal.copy()
             for i in range(size):
-                damped[i, i] += damping * normal[i, i] + 1e-9
+                damped[i, i] += damping * normal[i, i] + _DIAGONAL
             x_next = x - np.linalg.solve(damped, gradient)
             normal_next = np.zeros((size, size))
             gradient_next = np.zeros(size)
@@ -239,7 +245,7 @@ class _Problem:
     def trust(self, x: np.ndarray, believed: Float[np.ndarray, " strips"]) -> Float[np.ndarray, " strips"]:
         """Weights of sum 1 that fall where a strip's kernel is explained much worse than the others."""
         residuals = np.array([self.of_strip(x, s)[0] for s in range(len(self.design))])
-        weights = 1 / (residuals + FAIR * np.median(residuals) + 1e-12)
+        weights = 1 / (residuals + FAIR * np.median(residuals) + _LEAST_RESIDUAL)
         trusted = believed * (weights / weights.sum())
         return trusted / trusted.sum()
 
@@ -250,7 +256,7 @@ class _Problem:
         for s in range(len(self.design)):
             normal = self.of_strip(x, s)[1]
             cross = normal[:n, n:]
-            total += weights[s] * (normal[:n, :n] - cross @ np.linalg.solve(normal[n:, n:] + 1e-12 * np.eye(2), cross.T))
+            total += weights[s] * (normal[:n, :n] - cross @ np.linalg.solve(normal[n:, n:] + _SHIFT_RIDGE * np.eye(2), cross.T))
         return total
 
 
@@ -260,7 +266,7 @@ def fit(
     *,
     degree: int,
     stiffness: float,
-    keep: int = 4,
+    keep: int = KEPT,
     start: Polynomial | None = None,
     doubting: bool = False,
     without: int | None = None,
@@ -319,7 +325,7 @@ def _starts(strips: list[Strip], timing: ShutterTiming, degree: int) -> Float[np
     """Paths whose velocity at each strip's middle has the kernel's main axis and length, under every choice of signs."""
     axes = [_main_axis(strip.kernel) / timing.exposure for strip in strips]
     t = np.array([strip.times(timing).mean() for strip in strips])
-    curve, h = still(timing.interval, degree=degree, axes=2), 1e-4 * timing.interval[1]
+    curve, h = still(timing.interval, degree=degree, axes=2), _LAG * timing.interval[1]
     rate = (curve.basis(t + h) - curve.basis(t - h))[:, 1:] / (2 * h)
     roughness = np.diag([ROUGHNESS * np.linalg.norm(rate) / len(t) * (p / degree) ** 2 for p in range(degree)])
     starts = []

@@ -1,4 +1,4 @@
-"""A frame along its scanlines: turned once on the way in, so that restoration reads from top to bottom, and back on the way out."""
+"""A frame along its scanlines: turned once before restoration, which reads from top to bottom, and back after it."""
 
 import math
 from dataclasses import dataclass, replace
@@ -54,7 +54,7 @@ class View:
 
 
 def to_scanlines(frame: Frame, camera: Camera) -> View:
-    """The way in. A frame that is read from top to bottom is not copied."""
+    """The frame, turned. A frame that is read from top to bottom is not copied."""
     direction = camera.timing.direction
     return View(
         pixels=np.ascontiguousarray(direction.scanlines(frame.pixels), np.float32),
@@ -75,7 +75,7 @@ def result(
     psfs: Float[np.ndarray, "down across k k"] | None = None,
     convergence: tuple[float, ...] = (),
 ) -> FrameResult:
-    """The way out: all that was found along the scanlines, in the stored frame's axes; without a latent image, the frame itself."""
+    """All that was found along the scanlines, in the stored frame's axes; without a latent image, the frame itself."""
     direction = view.direction
     if psfs is not None:
         psfs = np.array([[direction.image(kernel) for kernel in row] for row in direction.image(psfs)])

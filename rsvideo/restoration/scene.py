@@ -26,6 +26,7 @@ LEAST_RIDGE, MOST_RIDGE = 1.5e-3, 0.1  # of rho; origin: by trial
 SEARCH_RIDGE = 3.0  # times rho, while paths are searched and judged: origin: by trial
 TEXTURE = 8.0  # times the noise's power, which a frame's gradients must exceed to show motion; origin: by trial
 LEAST_TEXTURE = 1e-7  # and this, white being 1
+_LEAST_POWER = 1e-12  # of gradients, white being 1; a frame without any divides by this
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +67,7 @@ class Scene:
     @property
     def ridge(self) -> float:
         """rho: the noise's power over that of the latent gradients."""
-        return float(np.clip(RIDGE * self.noise**2 / max(self.gradient_power, 1e-12), LEAST_RIDGE, MOST_RIDGE))
+        return float(np.clip(RIDGE * self.noise**2 / max(self.gradient_power, _LEAST_POWER), LEAST_RIDGE, MOST_RIDGE))
 
     @property
     def search_ridge(self) -> float:

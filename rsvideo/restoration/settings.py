@@ -12,7 +12,7 @@ class Settings:
     """How a frame is restored. The paper's symbols stand behind the names."""
 
     motion: Literal["rotation", "shift"] = "rotation"
-    degree: int = 4  # P; a quartic fits 40 ms of recorded hand shake to 0.004-0.035 px RMS, a cubic to several times that
+    degree: int = 4  # P; a quartic fits 40 ms of measured hand shake to 0.004-0.035 px RMS, a cubic to several times that
     start: Literal["kernels", "tracing"] = "kernels"  # the first trajectory: a fit of rendered PSFs, or the paper's tracing
     refinement: Literal["sparsity", "alternation"] = "sparsity"  # latent image eliminated, or the paper's Algorithm 1
     prior: Literal["denoiser", "tv"] = "denoiser"

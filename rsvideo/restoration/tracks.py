@@ -16,6 +16,7 @@ _RETURN = 1.0  # px; tracked there and back, a point must come home this closely
 _QUALITY = 0.01  # of the strongest corner, below which a corner is too faint (Shi & Tomasi's measure)
 _BLOCK = 9  # px, over which a corner is measured
 _CLOSEST = 6.0  # px between corners at least
+_MARGIN = WINDOW // 4  # px beside the frame's border, where half of a window or more would lie outside; origin: by trial
 _RIGID = 0.4  # of the points that came home, which must fit one homography: fewer are two scenes, or one that moves by itself
 
 
@@ -43,8 +44,7 @@ def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows
     options = {"winSize": (WINDOW, WINDOW), "maxLevel": LEVELS}
     found, there, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, np.empty_like(corners), **options)
     home, back, _ = cv2.calcOpticalFlowPyrLK(after, before, found, np.empty_like(corners), **options)
-    margin = WINDOW // 4
-    inside = ((found >= margin) & (found <= np.array([cols, rows]) - 1 - margin)).all(axis=(1, 2))
+    inside = ((found >= _MARGIN) & (found <= np.array([cols, rows]) - 1 - _MARGIN)).all(axis=(1, 2))
     near = (there[:, 0] == 1) & (back[:, 0] == 1) & inside & (np.linalg.norm(home - corners, axis=2)[:, 0] < _RETURN)
     first, second = corners[near, 0], found[near, 0]
     if len(first) < FEWEST:

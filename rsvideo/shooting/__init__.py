@@ -1,1 +1,1 @@
-"""What is known of how a picture was taken, and from where: shutter, lens, profiles, logs of gyroscopes."""
+"""How a picture was taken, and which source states it: shutter, lens, profiles, logs of gyroscopes."""

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from rsvideo.config.quantity import FASTEST_RATE, HAND_HELD_LIMIT
+from rsvideo.physics.camera import MOST_FOCAL_PX
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting.fact import Fact
@@ -17,7 +18,7 @@ Pixels = Annotated[int, Field(ge=1, le=100_000)]
 Rate = Annotated[float, Field(gt=0, le=FASTEST_RATE, allow_inf_nan=False)]
 FileName = Annotated[str, Field(min_length=1, max_length=300)]
 Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
-Deviation = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Deviation = Annotated[float, Field(ge=0, le=1e7, allow_inf_nan=False)]
 
 
 class _Part(BaseModel):
@@ -25,9 +26,9 @@ class _Part(BaseModel):
 
 
 class Measured(_Part):
-    """A number, and what is known of how it came to be. In YAML the number alone will do."""
+    """A number, how sure it is, and how it came to be. In YAML the number alone will do."""
 
-    value: Annotated[float, Field(allow_inf_nan=False)]
+    value: Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e7)]  # of any unit; no camera has more
     std: Deviation | None = None  # standard deviation, in the number's unit
     how: Words | None = None  # the method
     when: Words | None = None  # the day
@@ -44,7 +45,7 @@ def _alone(value: object) -> object:
 
 
 def _focal(number: Measured) -> Measured:
-    if not 1 <= number.value < 1e7:
+    if not 1 <= number.value < MOST_FOCAL_PX:
         raise ValueError(f"must lie in [1, 1e7) px, got {number.value:g}; is it in millimetres?")
     return number
 

@@ -1,4 +1,4 @@
-"""Gyroscope logs as Gyroflow reads them (.gcsv): the motion that was found written as if a gyroscope had recorded it, and logs read.
+"""Gyroscope logs as Gyroflow reads them (.gcsv): the motion that was found written as if a gyroscope had measured it, and logs read.
 
 Axes. The columns that are written hold pitch, yaw and roll rates about the camera's x (right), y (down) and z (forward), as in README's
 "Conventions". Gyroflow maps columns to its axes X, Y and Z by `orientation` (small letters for the opposite sense), and turns the camera
@@ -11,25 +11,29 @@ on, as time 0.
 
 import enum
 import math
+from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
-from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.config.files import UnreadableError, lines
 from rsvideo.physics.gyro import MOST_SAMPLES, GyroLog, check_axes
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 MOST_BYTES = 256_000_000
 FIRST_LINES = ("GYROFLOW IMU LOG", "CAMERA IMU LOG")
 _MOST_KEYS = 50
-_MOST_CHARACTERS = 80  # of a value that is written; Gyroflow looks for the header in the first 500 bytes
+_MOST_CHARACTERS = 80  # of a value that is written; Gyroflow searches the header in the first 500 bytes
 _TICK = 1e-6  # seconds, in which times are written
 _ORIENTATION = "yxz"
 _DEFAULT_ORIENTATION = "xzY"  # of a log that does not say it
+_SMALL = 1e-2  # rad; below, the series is exact to 2e-12 and the closed form loses digits
+_FEWEST_SAMPLES = 4  # of angles, for a cubic spline through them
 
 
 class ReadoutCode(enum.IntEnum):
@@ -79,7 +83,7 @@ def rates(t_s: Float[np.ndarray, " n"], angles: Float[np.ndarray, "n 3"], at: Fl
     v, dv = curve(at), curve(at, 1)
     a = np.linalg.norm(v, axis=1, keepdims=True)
     first = 0.5 * np.sinc(a / (2 * np.pi)) ** 2  # (1 - cos a) / a^2
-    small = a < 1e-2
+    small = a < _SMALL
     second = np.where(small, 1 / 6 - a * a / 120, (a - np.sin(a)) / np.where(small, 1.0, a) ** 3)
     cross = np.cross(v, dv)
     return dv - first * cross + second * np.cross(v, cross)
@@ -100,8 +104,8 @@ def encoded(parts: Iterable[Part], *, timing: ShutterTiming, video: str = "", mo
     step = number = 0
     for part in parts:
         t_s = part.t_s
-        if len(t_s) < 4 or not np.all(np.diff(t_s) > 0) or not (np.isfinite(t_s).all() and np.isfinite(part.angles).all()):
-            raise ValueError(f"a log needs at least 4 finite samples at rising times, got {len(t_s)}")
+        if len(t_s) < _FEWEST_SAMPLES or not np.all(np.diff(t_s) > 0) or not (np.isfinite(t_s).all() and np.isfinite(part.angles).all()):
+            raise ValueError(f"a log needs at least {_FEWEST_SAMPLES} finite samples at rising times, got {len(t_s)}")
         if not step:
             if not t_s[0] <= timing.middle < t_s[-1]:
                 raise ValueError(
@@ -135,14 +139,15 @@ def _header_of(timing: ShutterTiming, video: str, model: str) -> bytes:
 
 def read(path: Path) -> Recording:
     """The log in a file, its rates in the camera's axes."""
-    lines = read_whole(path, most=MOST_BYTES).decode("utf-8-sig", "replace").splitlines()
-    if lines[0].strip() not in FIRST_LINES:
-        raise UnreadableError(f"{path}:1: must be {FIRST_LINES[0]}, got {lines[0][:40]!r}; is it another kind of log?")
-    header, first = _header(path, lines)
+    numbered = enumerate(lines(path, most=MOST_BYTES), 1)
+    _, first = next(numbered)
+    if first.strip() not in FIRST_LINES:
+        raise UnreadableError(f"{path}:1: must be {FIRST_LINES[0]}, got {first[:40]!r}; is it another kind of log?")
+    header = _header(path, numbered)
     try:
         orientation = header.get("orientation", _DEFAULT_ORIENTATION)
         check_axes(orientation)
-        times, columns = _samples(path, lines, first)
+        times, columns = _samples(path, numbered)
         turned = np.stack([columns[:, "XYZ".index(axis.upper())] * (1 if axis.isupper() else -1) for axis in orientation], axis=1)
         x, y, z = (turned * _number(header, "gscale", 1.0)).T
         log = GyroLog(times=(times - times[0]) * _number(header, "tscale", 1e-3), rates=np.stack([-y, -x, -z], axis=1))
@@ -156,31 +161,32 @@ def read(path: Path) -> Recording:
     return Recording(log=log, readout=readout if stated else None, direction=direction if stated else None, header=header)
 
 
-def _header(path: Path, lines: list[str]) -> tuple[dict[str, str], int]:
-    """What stands above the samples, and the index of the first of those."""
+def _header(path: Path, numbered: Iterator[tuple[int, str]]) -> dict[str, str]:
+    """What stands above the samples."""
     header: dict[str, str] = {}
-    for number, line in enumerate(lines[1 : _MOST_KEYS + 2], 2):
+    for _, line in islice(numbered, _MOST_KEYS + 1):
         key, _, value = (part.strip() for part in line.partition(","))
         if key in ("t", "time"):
-            return header, number
+            return header
         header[key[:_MOST_CHARACTERS]] = value[:_MOST_CHARACTERS]
     raise UnreadableError(f"{path} must name its columns, t,gx,gy,gz, within {_MOST_KEYS} lines; is it cut short?")
 
 
-def _samples(path: Path, lines: list[str], first: int) -> tuple[np.ndarray, np.ndarray]:
-    samples: list[list[float]] = []
-    for number, line in enumerate(lines[first:], first + 1):
+def _samples(path: Path, numbered: Iterator[tuple[int, str]]) -> tuple[np.ndarray, np.ndarray]:
+    samples = array("d")
+    for number, line in numbered:
         if not line.strip():
             continue
         try:
-            samples.append([float(field) for field in line.split(",", 4)[:4]])
-            if len(samples[-1]) < 4 or len(samples) > MOST_SAMPLES:
+            t, x, y, z = map(float, line.split(",", 4)[:4])
+            if len(samples) >= 4 * MOST_SAMPLES:
                 raise ValueError
         except ValueError as error:
             raise UnreadableError(f"{path}:{number}: must be t,gx,gy,gz (at most {MOST_SAMPLES} samples), got {line[:40]!r}") from error
+        samples.extend((t, x, y, z))
     if not samples:
         raise UnreadableError(f"{path} must hold samples below its header, it holds none; is it cut short?")
-    table = np.array(samples)
+    table = np.frombuffer(samples).reshape(-1, 4)
     return table[:, 0], table[:, 1:]
 
 

@@ -20,6 +20,8 @@ from rsvideo.physics.shutter import Direction
 SHORTEST = 1e-3  # seconds
 PERIOD_SLACK = 0.01  # of a frame's period, by which clocks and rounding may let an exposure or a readout exceed it
 _ENOUGH = 3  # owners who agree that a camera reads upwards
+_SIMILAR = 3  # names that are suggested for one that is not in the table
+_LOW, _HIGH = 0.05, 0.95  # quantiles of what owners measured, between which nine of ten lie
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +76,7 @@ def typical(camera: str, *, rows: int | None = None, cols: int | None = None, fp
 def similar(camera: str) -> tuple[str, ...]:
     """Cameras in the table whose names are near."""
     names = {key: f"{entry.maker} {entry.model}" for entry in table() for key in _keys(f"{entry.maker} {entry.model}")}
-    near = [key for wanted in _keys(camera) for key in difflib.get_close_matches(wanted, names, n=3)]
+    near = [key for wanted in _keys(camera) for key in difflib.get_close_matches(wanted, names, n=_SIMILAR)]
     return tuple(dict.fromkeys(names[key] for key in near))
 
 
@@ -102,7 +104,7 @@ def _same(fps: float | None, other: float | None) -> bool:
 
 
 def _readout(entries: list[Entry], mode: str) -> Readout:
-    low, median, high = np.quantile([entry.readout for entry in entries], [0.05, 0.5, 0.95]).tolist()
+    low, median, high = np.quantile([entry.readout for entry in entries], [_LOW, 0.5, _HIGH]).tolist()
     upwards = sum(entry.direction is Direction.BOTTOM_TO_TOP for entry in entries)
     direction = Direction.BOTTOM_TO_TOP if upwards >= _ENOUGH and 2 * upwards > len(entries) else Direction.TOP_TO_BOTTOM
     return Readout(median=median, low=low, high=high, n=len(entries), direction=direction, mode=mode)
@@ -122,7 +124,7 @@ def _same_camera(one: str, other: str) -> bool:
 
 
 def _keys(name: str) -> set[str]:
-    """Names are equal if they share a key: makers' and families' names, blanks, case and ways to write `mark II` do not count."""
+    """Names are equal if they share a key: makers' and families' names, blanks, case and spellings of `mark II` do not count."""
     return {key for part in name[:200].split("/") if (key := _key(part))}
 
 
@@ -132,6 +134,6 @@ def _key(name: str) -> str:
     for _ in range(2):  # `eos` and `digital` may follow each other, a maker may be named twice
         name = _FAMILIES.sub("", _MAKERS.sub("", name).strip()).strip()
     key = re.sub(r"mark|mk", "m", name.replace(" ", ""))
-    key = re.sub(r"^(z[5-9])([23])$", r"\1m\2", key)  # Nikon's own way
+    key = re.sub(r"^(z[5-9])([23])$", r"\1m\2", key)  # Nikon's own spelling
     key = re.sub(r"m?(iii|ii|iv)$", lambda mark: "m" + _MARKS[mark[1]], key)
     return re.sub(r"^(a7[rs]?)v$", r"\1m5", re.sub(r"(?<=\d)m(1|i)$", "", key))

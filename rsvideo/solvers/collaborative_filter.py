@@ -32,6 +32,7 @@ _C1, _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(0.5 * np.cos(k * np.pi / 16)) fo
 _DCT = np.float32(0.5) * np.cos(np.pi * np.arange(8)[:, None] * (2 * np.arange(8)[None] + 1) / 16).astype(np.float32)
 _DCT[0] *= np.float32(np.sqrt(0.5))
 _OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]], np.float32) / np.sqrt(np.array([[3], [2], [6]], np.float32))
+_FAR = 3e38  # a distance beyond all others; fast arithmetic has no infinity
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,8 +57,8 @@ def _search(guide, ys, xs, offsets):
     for iy in prange(len(ys)):
         y = ys[iy]
         d = np.empty(cols, np.float32)
-        best = np.full((across, count), np.float32(3e38))  # fast arithmetic knows no infinity
-        best[:, 0] = -1  # the patch itself, whatever else looks the same
+        best = np.full((across, count), np.float32(_FAR))
+        best[:, 0] = -1  # the patch itself, whatever else equals it
         for dy in range(max(-REACH, -y), min(REACH, rows - PATCH - y) + 1):
             z = y + dy
             for dx in range(-REACH, REACH + 1):
@@ -320,7 +321,7 @@ def denoise(
     """The image without white noise of standard deviation `sigma`, float32; 1 or 3 channels, at least 8 x 8 px.
 
     Alone, small coefficients are dropped. With a `pilot`, an estimate of the result, each is shrunk as Wiener would if
-    the pilot were true, which keeps more detail: the usual way is twice, `denoise(image, sigma, pilot=denoise(image,
+    the pilot were true, which keeps more detail: usually it is called twice, `denoise(image, sigma, pilot=denoise(image,
     sigma))`. Groups are sought on the pilot, else on the image, unless `matches` holds them already.
     """
     rows, cols, channels = image.shape

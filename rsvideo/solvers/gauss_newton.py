@@ -12,6 +12,7 @@ TRIES = 8  # of a step, each damped more
 FACTOR = 10  # by which damping rises where a step fails, and falls where it succeeds
 LEAST_DAMPING = 1e-9
 LEAST_DIAGONAL = 1e-12  # of the normal matrix, relative to its largest
+_LEAST_NORMAL = 1e-300  # where all of the normal matrix is 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +55,7 @@ def gauss_newton(
     yield Step(theta=theta, objective=value, damping=damping, change=math.inf)
     while True:
         q = linearise(theta)
-        scale = np.maximum(np.diag(q.normal), LEAST_DIAGONAL * max(np.diag(q.normal).max(), 1e-300))
+        scale = np.maximum(np.diag(q.normal), LEAST_DIAGONAL * max(np.diag(q.normal).max(), _LEAST_NORMAL))
         for _ in range(tries):
             step = -np.linalg.solve(q.normal + damping * np.diag(scale), q.gradient)  # Eq. (12)
             tried = objective(theta + step)

@@ -16,6 +16,7 @@ from rsvideo.stills.ffmpeg import arrays, fill, watched
 _TILED, _DEEP, _PARTS = 0x200, 0x800, 0x1000
 _LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}  # of a chunk, by compression
 _ZIPPED = (2, 3)
+_MOST_CHANNEL_BYTES = 4096  # of their list: about 200 names
 
 
 def decode(data: bytes) -> tuple[np.ndarray, ...]:
@@ -44,7 +45,7 @@ def decode(data: bytes) -> tuple[np.ndarray, ...]:
 
 
 def _check(data: bytes) -> None:
-    """Every chunk that the table promises is there and whole; ZIP has checksums, the other ways of packing have not."""
+    """Every chunk that the table promises is there and whole; ZIP has checksums, the other compressions have none."""
     magic, flags = struct.unpack_from("<II", data)
     if magic != 20000630:
         raise ValueError("it has no EXR signature")
@@ -61,7 +62,7 @@ def _check(data: bytes) -> None:
             raise ValueError("its header does not end")
     left, top, right, bottom = struct.unpack("<4i", attributes[b"dataWindow"])
     check_pixels(bottom - top + 1, right - left + 1)
-    across = 0
+    across = down = 0
     if flags & _TILED:
         across, down = struct.unpack_from("<2I", attributes[b"tiles"])
         if attributes[b"tiles"][8] & 15:
@@ -75,11 +76,17 @@ def _check(data: bytes) -> None:
         if offset + head + length > len(data):
             raise ValueError(f"its chunk at byte {offset} is incomplete")
         if attributes[b"compression"][0] in _ZIPPED and length % line:  # whole lines are stored as they are
-            zlib.decompress(data[offset + head : offset + head + length])
+            most = line * _LINES[attributes[b"compression"][0]] * max(1, down)  # bytes that the picture can hold there
+            inflated = zlib.decompressobj()
+            inflated.decompress(data[offset + head : offset + head + length], most + 1)
+            if not inflated.eof:
+                raise ValueError(f"its chunk at byte {offset} is damaged")
 
 
 def _pixel_bytes(channels: bytes) -> int:
     """Bytes of all channels at one pixel: 16 bits for half floats, 32 for others."""
+    if len(channels) > _MOST_CHANNEL_BYTES:
+        raise ValueError(f"its list of channels has {len(channels)} bytes")
     total = 0
     while len(channels) > 1:
         _, rest = channels.split(b"\0", 1)

@@ -32,7 +32,7 @@ def decode(data: bytes) -> Codes:
 
 
 def _header(data: bytes) -> tuple[int, bytes | None, bytes | None]:
-    """Colour type, colour profile and EXIF; every chunk is checked on the way."""
+    """Colour type, colour profile and EXIF; every chunk is checked."""
     icc = exif = colour_type = None
     for kind, body in _chunks(data):
         match kind:

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 from jaxtyping import Bool, Float32, UInt
 
-from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.config.files import UnreadableError, read_whole, reading
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Tone, Transfer
 from rsvideo.stills import exif
@@ -88,10 +88,8 @@ def read(path: Path, transfer: Tone | None = None, saturation: float | None = No
     """
     data = read_whole(path, most=MOST_BYTES)
     kind = _format(path, data)
-    try:
+    with reading(path):
         codes: Codes = kind.module.decode(data)
-    except ValueError as error:
-        raise UnreadableError(f"{path} {error}") from error
     pixels, clipped = light(codes.samples, Transfer.LINEAR if kind is Format.RAW else transfer or Transfer.SRGB, saturation)
     return Still(
         pixels=pixels,
@@ -107,7 +105,7 @@ def read(path: Path, transfer: Tone | None = None, saturation: float | None = No
 def light(
     samples: UInt[np.ndarray, "rows cols channels"], transfer: Tone, saturation: float | None = None
 ) -> tuple[Float32[np.ndarray, "rows cols channels"], Bool[np.ndarray, "rows cols channels"]]:
-    """Linear light of uint8 or uint16 codes, and where they are full: from `saturation` in [0, 1] on, if that is known."""
+    """Linear light of uint8 or uint16 codes, and where they are full: from `saturation` in [0, 1] on, if that is given."""
     top = int(np.iinfo(samples.dtype).max)
     by_code = tone.decode(transfer, np.linspace(0, 1, top + 1, dtype=np.float32))
     return by_code[samples], samples >= np.ceil(min(_SATURATION, saturation or 1.0) * top)

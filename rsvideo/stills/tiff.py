@@ -44,6 +44,8 @@ def decode(data: bytes) -> Codes:
 
 
 def _check_kind(page: tifffile.TiffPage) -> None:
+    if page.samplesperpixel > 4 or page.ndim > 3:
+        raise ValueError(f"must have 1 to 4 channels, it has {page.samplesperpixel}")
     kinds = (tifffile.PHOTOMETRIC.MINISBLACK, tifffile.PHOTOMETRIC.MINISWHITE, tifffile.PHOTOMETRIC.RGB)
     if page.photometric not in kinds:
         raise ValueError(f"must be grey or RGB, it is {getattr(page.photometric, 'name', page.photometric)}; convert it to RGB first")
@@ -52,11 +54,11 @@ def _check_kind(page: tifffile.TiffPage) -> None:
         if page.dtype is not None and page.dtype.kind == "f" and not np.isfinite(page.asarray()).all():
             kind += ", some of them not finite (NaN or infinite)"
         raise ValueError(f"must have 8 or 16 whole bits a sample, it has {kind}; save it as 16-bit TIFF")
-    if page.samplesperpixel > 4 or page.ndim > 3:
-        raise ValueError(f"must have 1 to 4 channels, it has {page.samplesperpixel}")
 
 
 def _pixels(page: tifffile.TiffPage, data: bytes) -> np.ndarray:
+    if page.compression == tifffile.COMPRESSION.NONE and (held := sum(page.databytecounts)) < page.nbytes:
+        raise ValueError(f"is damaged: its strips hold {held} bytes, its picture has {page.nbytes}")
     try:
         stored = page.asarray()
         return np.moveaxis(stored, 0, -1) if page.axes == "SYX" else stored

@@ -1,4 +1,4 @@
-"""Codes of a picture into linear light and back, in floating point all the way.
+"""Codes of a picture into linear light and back, in floating point throughout.
 
 Code values first become R'G'B', where 0 is black and 1 nominal white, then light by the transfer function. Limited range leaves
 codes above nominal white; light 1 is the highest of them, so that a camera's super-white survives. What light in [0, 1] cannot
@@ -64,7 +64,10 @@ def relaid(picture: Picture, colour: Colour, target: Colour) -> Picture:
         return replace(picture, planes=_stored(_mixed(_primed(picture, colour), target), target))
     mixed = [_nominal(plane, k, colour) for k, plane in enumerate(picture.planes)]
     if grey and target.subsampling != "4:0:0":
-        mixed = [mixed[0], *([mixed[0]] * 2 if target.matrix is Matrix.RGB else [np.zeros_like(mixed[0])] * 2)]
+        mixed = [
+            mixed[0],
+            *([mixed[0]] * 2 if target.matrix is Matrix.RGB else [_coarse(np.zeros_like(mixed[0]), target.chroma_shift)] * 2),
+        ]
     elif colour.chroma_shift != target.chroma_shift:
         shape = mixed[0].shape
         mixed = [mixed[0], *(_coarse(_fine(c, shape, colour.chroma_shift), target.chroma_shift) for c in mixed[1:])]

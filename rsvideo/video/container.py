@@ -12,9 +12,10 @@ from typing import BinaryIO
 
 import numpy as np
 
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreadableError, opened
 
 _MOST_HEADER = 500_000_000  # bytes of MP4's index
+_MOST_PARTS = 2_000_000  # of the outermost level; a fragment a second over a day is 200 thousand
 _EBML = b"\x1aE\xdf\xa3"
 _BOXES = {b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot"}
 _SEGMENT, _CLUSTER, _CRC = b"\x18S\x80g", b"\x1fC\xb6u", b"\xbf\x84"  # the last with its length of 4 bytes
@@ -41,30 +42,26 @@ class Header:
 
 def family(path: Path, *, strict: bool) -> str:
     """The kind of container, from its first bytes; FFmpeg's own guess would open playlists and text too."""
-    try:
-        if not path.is_file():
-            raise UnreadableError(f"{path} {'is a folder, not a file' if path.is_dir() else 'does not exist or is not a file'}")
-        with path.open("rb") as file:
-            head, size = file.read(16), path.stat().st_size
-            if not size:
-                raise UnreadableError(f"{path} is empty")
-            if head[4:8] in _BOXES:
-                if strict:
-                    _check_boxes(path, file, size)
-                return "mov"
-            if head[:4] == _EBML:
-                if strict:
-                    _check_segment(path, file, size)
-                return "matroska"
-    except OSError as error:
-        raise UnreadableError(f"{path} cannot be read: {error.strerror}") from error
+    with opened(path) as file:
+        head, size = file.read(16), file.seek(0, 2)
+        if not size:
+            raise UnreadableError(f"{path} is empty")
+        if head[4:8] in _BOXES:
+            if strict:
+                _check_boxes(path, file, size)
+            return "mov"
+        if head[:4] == _EBML:
+            if strict:
+                _check_segment(path, file, size)
+            return "matroska"
     raise UnreadableError(f"{path} must be an MP4, MOV or MKV clip, its first bytes are {head[:8]!r}; is it another kind of file?")
 
 
 def _check_boxes(path: Path, file: BinaryIO, size: int) -> None:
     """Every box of the outermost level must end within the file."""
-    at, kinds = 0, set()
+    at, kinds, parts = 0, set(), 0
     while at + 8 <= size:
+        parts = _counted(path, parts)
         file.seek(at)
         length, kind, longer = struct.unpack(">I4sQ", file.read(16).ljust(16, b"\0"))
         kinds.add(kind)
@@ -80,10 +77,18 @@ def _check_boxes(path: Path, file: BinaryIO, size: int) -> None:
         raise UnreadableError(f"{path} is cut short: it has no index ('moov' box); was the recording interrupted?")
 
 
+def _counted(path: Path, parts: int) -> int:
+    """One part more; refused where there are more than any recording has."""
+    if parts == _MOST_PARTS:
+        raise UnreadableError(f"{path} is damaged: it must hold at most {_MOST_PARTS} parts")
+    return parts + 1
+
+
 def _check_segment(path: Path, file: BinaryIO, size: int) -> None:
-    """The parts of a Matroska file must be known and end where the next begins; those with a checksum must match it."""
-    at, end, inside = 0, size, False
+    """The parts of a Matroska file must be elements that Matroska defines, and end where the next begins; a checksum must match."""
+    at, end, inside, parts = 0, size, False, 0
     while at < end:
+        parts = _counted(path, parts)
         file.seek(at)
         kind, length, head = _element(file.read(12))
         if kind is None or (inside and kind not in _LEVEL_1):
@@ -96,7 +101,7 @@ def _check_segment(path: Path, file: BinaryIO, size: int) -> None:
                 raise UnreadableError(f"{path} is cut short: its segment says {length} bytes, {size - at - head} are left")
             at += head
             continue
-        if length is None:  # a live recording: the rest cannot be told apart without reading it all
+        if length is None:  # a live recording: the rest cannot be divided without reading it all
             return
         if at + head + length > end:
             raise UnreadableError(f"{path} is cut short: its part at byte {at} says {length} bytes, {end - at - head} are left")

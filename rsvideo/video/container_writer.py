@@ -11,7 +11,8 @@ import av.stream
 import numpy as np
 from av.container import InputContainer
 
-from rsvideo.video import encoder
+from rsvideo.config.files import UnreadableError
+from rsvideo.video import container, decode, encoder
 from rsvideo.video.output_format import CONTAINERS, Encoding
 from rsvideo.video.part import Part
 from rsvideo.video.stream import Colour, Picture, Track
@@ -22,7 +23,7 @@ _NOT_CARRIED = {"major_brand", "minor_version", "compatible_brands", "encoder", 
 
 
 class ContainerWriter:
-    """Writes the pictures of a part into `file`, a container named by the ending of `path`; `notes` names what could not be kept.
+    """Writes the pictures of a part into `file`, a container named by the suffix of `path`; `notes` names what could not be kept.
 
     Everything is open from birth until `close`; what FFmpeg raises is not caught here.
     """
@@ -51,7 +52,7 @@ class ContainerWriter:
         """Write what encoders and other tracks still hold, and the container's end."""
         self._mux(self._video.encode(None))
         while self._ahead is not None:
-            self._out.mux_one(self._ahead)
+            self._add(self._ahead)
             self._ahead = next(self._others, None)
         self._out.close()
         self.close()
@@ -66,7 +67,7 @@ class ContainerWriter:
         options = {"avoid_negative_ts": "disabled", "fflags": "+bitexact"}
         if self._family != "matroska":
             options = {"movflags": "use_metadata_tags", "video_track_timescale": str(stream.time_base.denominator)}
-        self._out = av.open(str(file), "w", format=self._family, container_options=options)
+        self._out = av.open(f"file:{file}", "w", format=self._family, container_options=options)
         self._stack.callback(self._out.close)
         if self._family == "matroska":
             self._check_milliseconds(path)
@@ -75,7 +76,7 @@ class ContainerWriter:
         self._copies: dict[int, av.stream.Stream] = {}
         self._others: Iterator[av.Packet] = iter(())
         if not stream.files:
-            source = self._stack.enter_context(av.open(str(stream.path), "r", metadata_errors="replace"))
+            source = self._stack.enter_context(decode.opened(stream.path, container.family(stream.path, strict=False)))
             self._describe(source)
             for track in stream.tracks:
                 self._open_copy(source, track)
@@ -150,11 +151,21 @@ class ContainerWriter:
         for packet in packets:
             now = (packet.dts or 0) * packet.time_base
             while self._ahead is not None and (self._ahead.dts or 0) * self._ahead.time_base <= now:
-                self._out.mux_one(self._ahead)
+                self._add(self._ahead)
                 self._ahead = next(self._others, None)
             index = int(stream.times.searchsorted((packet.pts or 0) + self._part.shift))
             packet.duration = stream.spacing(min(index, stream.frames - 1))  # encoders guess it from the rate
+            self._add(packet)
+
+    def _add(self, packet: av.Packet) -> None:
+        """A packet into the file; tracks that are copied as they stand may be damaged, which shows here first."""
+        try:
             self._out.mux_one(packet)
+        except (av.error.ArgumentError, av.error.InvalidDataError) as error:
+            if not self._copies:
+                raise
+            kinds = " and ".join(sorted({track.kind for track in self._part.stream.tracks if track.copied}))
+            raise UnreadableError(f"{self._part.stream.path} holds {kinds} that cannot be carried over; is it damaged?") from error
 
 
 def _carried(metadata: Mapping[str, str]) -> dict[str, str]:

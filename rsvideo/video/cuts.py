@@ -10,6 +10,7 @@ from rsvideo.video.stream import Colour, Picture
 _THUMB = (32, 18)  # px
 _LEAST = 0.1  # of the range of codes, the mean change of a thumbnail at a cut
 _TIMES = 4.0  # as much as the frames about it change
+_ABOUT = 4  # changes before a cut, and after it, that it is compared with; origin: by trial
 
 
 def cuts(pictures: Iterable[Picture], colour: Colour) -> Iterator[int]:
@@ -22,6 +23,6 @@ def cuts(pictures: Iterable[Picture], colour: Colour) -> Iterator[int]:
             changes.append(float(np.abs(thumb - before).mean()) / (1.0 if colour.floating else colour.top))
         before = thumb
     for k, (index, change) in enumerate(zip(indices, changes, strict=True)):
-        about = changes[max(k - 4, 0) : k] + changes[k + 1 : k + 5]
+        about = changes[max(k - _ABOUT, 0) : k] + changes[k + 1 : k + 1 + _ABOUT]
         if change > _LEAST and (not about or change > _TIMES * float(np.median(about))):
             yield index

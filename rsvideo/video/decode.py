@@ -15,15 +15,16 @@ from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from rsvideo.config.files import UnreadableError
-from rsvideo.stills.codes import MOST_PIXELS
+from rsvideo.config.files import UnreadableError, reading
 from rsvideo.stills.ffmpeg import arrays, watched
-from rsvideo.video import container, probing, sequence, tags
+from rsvideo.video import container, probing, sample_tables, sequence, tags
+from rsvideo.video.probing import MOST_PIXELS
 from rsvideo.video.stream import Picture, Stream
 
 OnDamage = Literal["fail", "passthrough", "skip"]
 
 _STRICT = "explode+crccheck+bitstream"
+_MOST_TRACKS = 100  # a camera writes fewer than ten
 
 
 def probe(path: Path, rate: Fraction | None = None, *, on_damage: OnDamage = "fail") -> Stream:
@@ -35,13 +36,11 @@ def probe(path: Path, rate: Fraction | None = None, *, on_damage: OnDamage = "fa
     if sequence.is_sequence(path):
         return sequence.probe(path, rate)
     family = container.family(path, strict=strict)
-    try:
-        with _opened(path, family) as file:
+    with reading(path):
+        if family == "mov":
+            sample_tables.check(path)
+        with opened(path, family) as file:
             return probing.probed(path, family, file, strict=strict)
-    except av.error.FFmpegError as error:
-        raise UnreadableError(f"{path} cannot be read: {_reason(error)}; is it damaged or cut short?") from error
-    except (ValueError, OverflowError) as error:
-        raise error if isinstance(error, UnreadableError) else UnreadableError(f"{path} {error}") from error
 
 
 def pictures(stream: Stream, first: int = 0, last: int | None = None, *, on_damage: OnDamage = "fail") -> Iterator[Picture]:
@@ -53,17 +52,27 @@ def pictures(stream: Stream, first: int = 0, last: int | None = None, *, on_dama
     last = stream.frames if last is None else last
     if not 0 <= first < last <= stream.frames:
         raise ValueError(f"the range must lie within the clip's {stream.frames} pictures, got {first} to {last}")
-    if stream.files:
-        yield from sequence.pictures(stream, first, last)
-        return
-    try:
-        yield from _strict(stream, first, last) if on_damage == "fail" else _lenient(stream, first, last, on_damage)
-    except av.error.FFmpegError as error:
-        raise UnreadableError(f"{stream.path} cannot be read: {_reason(error)}") from error
+    with reading(stream.path):
+        if stream.files:
+            yield from sequence.pictures(stream, first, last)
+        else:
+            yield from _strict(stream, first, last) if on_damage == "fail" else _lenient(stream, first, last, on_damage)
 
 
-def _opened(path: Path, family: str) -> InputContainer:
-    return av.open(str(path), "r", format=family, metadata_errors="replace")
+def opened(path: Path, family: str) -> InputContainer:
+    """A clip's file and nothing else: no name is taken for an address or a list, and no other file that it refers to is opened."""
+    options = {"protocol_whitelist": "file", "max_streams": str(_MOST_TRACKS)}
+    if family == "mov":
+        options["enable_drefs"] = "0"
+    limits = [{"max_pixels": str(MOST_PIXELS)}] * _MOST_TRACKS
+    return av.open(
+        f"file:{path}",
+        "r",
+        format=family,
+        metadata_errors="replace",
+        container_options=options,
+        stream_options=limits,  # pyright: ignore[reportArgumentType, reportCallIssue] # its stub names the keys' type
+    )
 
 
 def _reason(error: av.error.FFmpegError) -> str:
@@ -128,7 +137,7 @@ def _strict(stream: Stream, first: int, last: int) -> Iterator[Picture]:
 
 def _decoded(stream: Stream, start: int | None, last: int) -> Iterator[tuple[int, VideoFrame]]:
     """Index and frame from the key picture `start` on, or from the beginning; raises _Broken at any sign of damage."""
-    with _opened(stream.path, container.family(stream.path, strict=False)) as file:
+    with opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": _STRICT})
         for packet in _packets(file, video, start):
             near = stream.times.searchsorted(packet.pts) if packet.pts is not None else last
@@ -217,7 +226,7 @@ def _concealed(stream: Stream, first: int, last: int) -> Iterator[Picture]:
     suspect, damaged = set[int](), False
     starts = stream.keys[stream.keys <= stream.times[first]]
     start = int(starts[-1]) if len(starts) and first else None
-    with _opened(stream.path, container.family(stream.path, strict=False)) as file:
+    with opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": "crccheck+bitstream", "flags": "output_corrupt"})
         try:
             for packet in _packets(file, video, start):

@@ -13,6 +13,11 @@ from jaxtyping import UInt8
 
 WIDEST, HIGHEST = 1920, 2160  # px of the whole
 _GAP = 4  # px between tiles
+_FEW = 4  # tiles up to which two stand side by side; more stand three by three
+_GREY = 32  # of 255, behind the tiles
+_LEAST_SECONDS = 1e-3  # of a film, however short
+_LEAST_BITS = 50_000  # a second; a page may grow beyond its share rather than show nothing
+_FILLED = 0.9  # of the bytes, which the pictures may take: the container and the encoder's error take the rest; origin: by trial
 
 Tile = UInt8[np.ndarray, "rows cols 3"]  # red, green, blue
 
@@ -34,7 +39,7 @@ class Grid:
             down = -(-tiles // across)
             return min(1.0, (WIDEST - (across - 1) * _GAP) / (across * cols), (HIGHEST - (down - 1) * _GAP) / (down * rows))
 
-        wide = 2 if tiles <= 4 else 3
+        wide = 2 if tiles <= _FEW else 3
         across = min(tiles, wide)
         s = scale(across)
         return cls(tiles=tiles, rows=max(2, int(s * rows) & ~1), cols=max(2, int(s * cols) & ~1), across=across)
@@ -53,8 +58,8 @@ class Mosaic:
         self._grid, self._file = grid, io.BytesIO()
         self._container = av.open(self._file, "w", format="mp4")
         rows, cols = grid.shape
-        seconds = max(1e-3, frames / float(rate))
-        bits = str(max(50_000, int(0.9 * 8 * most_bytes / seconds)))
+        seconds = max(_LEAST_SECONDS, frames / float(rate))
+        bits = str(max(_LEAST_BITS, int(_FILLED * 8 * most_bytes / seconds)))
         stream = self._container.add_stream("libx264", rate=rate)
         assert isinstance(stream, VideoStream)
         stream.width, stream.height, stream.pix_fmt = cols + cols % 2, rows + rows % 2, "yuv420p"
@@ -66,7 +71,7 @@ class Mosaic:
     def write(self, tiles: list[Tile | None]) -> None:
         """One instant; a tile that is missing stays grey."""
         grid = self._grid
-        canvas = np.full((self._stream.height, self._stream.width, 3), 32, np.uint8)
+        canvas = np.full((self._stream.height, self._stream.width, 3), _GREY, np.uint8)
         for n, tile in enumerate(tiles):
             if tile is not None:
                 top, left = n // grid.across * (grid.rows + _GAP), n % grid.across * (grid.cols + _GAP)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import av
 
-from rsvideo.config.media import SEQUENCES, Codec
+from rsvideo.config.media import CLIP_SUFFIXES, SEQUENCES, Codec
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import sequence
 from rsvideo.video.stream import Colour, Matrix, Stream, planar
@@ -38,6 +38,8 @@ def chosen(path: Path, stream: Stream, encoding: Encoding) -> tuple[str, Colour,
         if stream.codec not in _SAME:
             notes = (f"{stream.codec} is not written; the clip is encoded as {_NAMES.get(codec, codec)}",)
     if codec in SEQUENCES:
+        if path.suffix.lower() in CLIP_SUFFIXES:
+            raise ValueError(f"{path} must be the name of a folder, {codec} writes pictures; a --codec such as ffv1 writes a clip")
         target = sequence.layout(codec, stream.colour)
         if not stream.colour.full_range and codec != "exr":
             notes += ("codes above white are clipped: such a picture holds none",)
@@ -92,7 +94,7 @@ def _layouts(codec: str) -> set[str]:
     found = {layout.name for layout in av.Codec(ENCODERS[codec], "w").video_formats or ()}
     if codec == "ffv1":
         found |= {"gbrp"}  # as bgr0
-    return {name for name in found if planar(name) and not name.startswith("yuvj")}
+    return {name for name in found if planar(name) and not name.startswith("yuvj") and "f32" not in name}  # which FFV1's version 3 lacks
 
 
 def _holds(larger: str, smaller: str) -> bool:

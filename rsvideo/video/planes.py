@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rsvideo.config.files import UnreadableError, part_of, sha256
+from rsvideo.config.files import UnreadableError, naming, opened, sha256
+from rsvideo.config.placing import Made, aside, place
 from rsvideo.video.stream import Picture, Stream
 
 _LEVEL = 1  # of deflate: noise hardly shrinks more
@@ -19,9 +20,9 @@ _DATE = (1980, 1, 1, 0, 0, 0)  # the same pictures make the same bytes
 
 def write(path: Path, pictures: Iterable[Picture]) -> str:
     """Write the pictures so that the file appears whole or not at all; answers its SHA-256."""
-    part = part_of(path)
-    try:
-        with part.open("wb") as file:
+    with naming(path), aside(path.parent) as folder:
+        part = folder / path.name
+        with part.open("xb") as file:
             with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as archive:
                 for picture in pictures:
                     for k, plane in enumerate(picture.planes):
@@ -30,19 +31,15 @@ def write(path: Path, pictures: Iterable[Picture]) -> str:
                         archive.writestr(zipfile.ZipInfo(f"{picture.index}.{k}", _DATE), data.getvalue(), zipfile.ZIP_DEFLATED)
             file.flush()
             os.fsync(file.fileno())
-        digest = sha256(part)
-        part.replace(path)
-        return digest
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(path)) from error
-    finally:
-        part.unlink(missing_ok=True)
+        made = Made(at=part, path=path, sha256=sha256(part))
+        place([made])
+        return made.sha256
 
 
 def read(path: Path, stream: Stream, indices: Iterable[int]) -> Iterator[Picture]:
     """The pictures of these indices."""
     try:
-        with zipfile.ZipFile(path) as archive:
+        with opened(path) as file, zipfile.ZipFile(file) as archive:
             for index in indices:
                 planes: list[np.ndarray] = []
                 while f"{index}.{len(planes)}" in archive.NameToInfo:

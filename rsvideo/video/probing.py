@@ -14,13 +14,16 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.stills.codes import MOST_PIXELS, check_pixels
+from rsvideo.stills.codes import check_pixels
 from rsvideo.stills.ffmpeg import watched
 from rsvideo.video import container, tags
+from rsvideo.video.sample_tables import MOST_SAMPLES
 from rsvideo.video.stream import Stream, Track
 
-MOST_FRAMES = 20_000_000  # 92 hours at 60 a second
+MOST_PIXELS = 100_000_000  # of a picture of a clip: cameras film 12288 x 6480 at most
 _SLACK, _SLACK_OF_FILE = 0.1, 0.5  # seconds by which a header may promise more than is there: of a track, and of all tracks together
+_LONGEST_S = 10_000_000  # seconds, 115 days
+_RATES = Fraction(1, 100_000), 10_000  # pictures a second
 _CARRIED = {"gpmd"}  # data that writers of MP4 know: GoPro's sensors
 
 
@@ -31,7 +34,9 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
         held = sorted({stream.type for stream in file.streams})
         raise UnreadableError(f"{path} must hold video, it holds {' and '.join(held) or 'no track'}; is it the right file?")
     video = videos[0]
-    check_pixels(video.height, video.width)
+    if video.codec_context is None:  # FFmpeg has no decoder, and PyAV then no size
+        raise UnreadableError(f"{path} stores its pictures in a way that is not read; is its header damaged?")
+    check_pixels(video.height, video.width, most=MOST_PIXELS)
     times, keys, end, shown = _scan(path, video, file, strict=strict)
     if strict:
         _check_lengths(path, family, video, file, times, end)
@@ -51,7 +56,7 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
         codec=video.codec_context.name,
         rows=shown.height,
         cols=shown.width,
-        rate=video.average_rate or video.guessed_rate or Fraction(len(times)) / (Fraction(end - int(times[0])) * video.time_base),
+        rate=_rate(path, video, times, end),
         time_base=video.time_base,
         times=times,
         end=end,
@@ -69,6 +74,22 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
         mastering=tags.mastering(shown),
         notes=notes,
     )
+
+
+def _rate(path: Path, video: VideoStream, times: np.ndarray, end: int) -> Fraction:
+    """Pictures a second, as stated or on average; UnreadableError where no clip can have it, or such times."""
+    begin, base = int(times[0]), video.time_base or Fraction(0)
+    if max(abs(begin), abs(end)) * base > _LONGEST_S:
+        shown = f"from {float(begin * base):.4g} to {float(end * base):.4g} s"
+        raise UnreadableError(f"{path} must be shown within {_LONGEST_S} s of its time 0, it says {shown}; is its header damaged?")
+    rate = (
+        video.average_rate or video.guessed_rate or (Fraction(len(times)) / ((end - begin) * base) if end > begin and base else Fraction(0))
+    )
+    if not _RATES[0] <= rate <= _RATES[1]:
+        raise UnreadableError(
+            f"{path} must show {_RATES[0]} to {_RATES[1]} pictures a second, it says {float(rate):.5g}; is its header damaged?"
+        )
+    return rate
 
 
 def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool) -> tuple[np.ndarray, np.ndarray, int, VideoFrame | None]:
@@ -94,14 +115,17 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
         durations.append(packet.duration or 0)
         if packet.is_keyframe:
             keys.append(packet.pts)
-        if len(times) > MOST_FRAMES:
-            raise UnreadableError(f"{path} must hold at most {MOST_FRAMES} pictures")
+        if len(times) > MOST_SAMPLES:
+            raise UnreadableError(f"{path} must hold at most {MOST_SAMPLES} pictures")
     if not times:
         raise UnreadableError(f"{path} holds no picture; is it cut short?")
     order = np.argsort(times, kind="stable")
     rising = np.array(times, np.int64)[order]
     if len(rising) > 1 and (twice := np.diff(rising) <= 0).any():
         raise UnreadableError(f"{path} must show one picture at a time, two are at pts {rising[np.argmax(twice)]}; is it damaged?")
+    if rising[0] < 0:  # which no container that is written keeps
+        begins = float(rising[0] * (video.time_base or 0))
+        raise UnreadableError(f"{path} must show its first picture at time 0 or later, it does at {begins:g} s; is its header damaged?")
     spacing = int(np.median(np.diff(rising))) if len(rising) > 1 else 1
     return rising, np.sort(np.array(keys, np.int64)), int(rising[-1]) + (durations[order[-1]] or spacing), shown
 

@@ -14,15 +14,17 @@ import numpy as np
 import rawpy
 import tifffile
 
-from rsvideo.config.files import UnreadableError, read_whole
+from rsvideo.config import media
+from rsvideo.config.files import UnreadableError, read_whole, reading
 from rsvideo.config.quantity import FASTEST_RATE
 from rsvideo.physics.tone import Transfer
-from rsvideo.stills import exr, png, tiff
-from rsvideo.stills.codes import MOST_BYTES, Codes, check_pixels
+from rsvideo.stills import exr, png, raw, tiff
+from rsvideo.stills.codes import MOST_BYTES, Codes
 from rsvideo.video.stream import Colour, Matrix, Picture, Stream
 
 _KINDS = {".dng": "dng", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".exr": "exr"}
 _SUFFIX = {"png": ".png", "tiff": ".tiff", "exr": ".exr"}
+_SUFFIXES = (".tif", *_SUFFIX.values())  # of files that may have been written here
 _WILD = re.compile(r"#+|%0?\d*d|\*")
 _NUMBER = re.compile(r"([^0-9]*)([0-9]+)(.*)", re.DOTALL)
 _FRAME_RATE = 51044  # CinemaDNG's tag
@@ -34,7 +36,7 @@ _SRGB = (1, 13, 0, 2)
 
 def is_sequence(path: Path) -> bool:
     """Whether a path names a sequence rather than one file: a folder, or a pattern such as `shot_####.dng`."""
-    return path.is_dir() or (path.suffix.lower() in _KINDS and _WILD.search(path.name) is not None and not path.is_file())
+    return media.is_folder(path) or (path.suffix.lower() in _KINDS and _WILD.search(path.name) is not None and not path.is_file())
 
 
 def probe(path: Path, rate: Fraction | None) -> Stream:
@@ -84,6 +86,32 @@ def pictures(stream: Stream, first: int, last: int) -> Iterator[Picture]:
                 f"{stream.files[index]} must hold {stream.colour.pixel_format} as the sequence's first picture, it holds {found}"
             )
         yield Picture(planes=planes, index=index, pts=index, duration=1, time=stream.seconds(index))
+
+
+def stem(stream: Stream, index: int, folder: Path) -> str:
+    """The name, but for its suffix, under which a picture of a stream is written into a folder."""
+    return stream.files[index].stem if stream.files else f"{folder.name}_{index:06d}"
+
+
+def older(folder: Path, stream: Stream) -> tuple[Path, ...]:
+    """The pictures in a folder, if there is one, that a stream's stand for once they are written there.
+
+    Pictures of another take are never replaced, nor are the new ones laid among them: ValueError.
+    """
+    if not folder.is_dir():
+        return ()
+    take = {_around(stem(stream, index, folder)) for index in range(stream.frames)}
+    found = sorted(file for file in folder.iterdir() if file.suffix.lower() in _KINDS)
+    for file in found:
+        if not file.is_file() or file.suffix.lower() not in _SUFFIXES or _around(file.stem) not in take:
+            raise ValueError(f"{folder} must hold no pictures but those that are replaced, it holds {file.name}; choose another OUTPUT")
+    return tuple(found)
+
+
+def _around(stem: str) -> tuple[str, str]:
+    """What stands before and behind the number of a picture's name: the same of all pictures of a take."""
+    match = _NUMBER.fullmatch(stem[::-1])  # reversed, the last number comes first
+    return (match[3][::-1], match[1][::-1]) if match else (stem, "")
 
 
 def layout(codec: str, colour: Colour) -> Colour:
@@ -153,7 +181,7 @@ def _files(path: Path) -> tuple[Path, ...]:
 def _read(file: Path, balance: list[float] | None) -> tuple[tuple[np.ndarray, ...], tuple[str, ...]]:
     """The planes of one file, and what was not taken over."""
     data = read_whole(file, most=MOST_BYTES)
-    try:
+    with reading(file):
         match _KINDS[file.suffix.lower()]:
             case "dng":
                 return _developed(data, balance), ()
@@ -163,57 +191,37 @@ def _read(file: Path, balance: list[float] | None) -> tuple[tuple[np.ndarray, ..
                 codes = {"png": png, "tiff": tiff}[kind].decode(data)
                 notes = codes.notes + (("its transparency is not carried over",) if codes.alpha is not None else ())
                 return tuple(np.ascontiguousarray(codes.samples[..., k]) for k in range(codes.samples.shape[2])), notes
-    except (ValueError, rawpy.LibRawError) as error:  # pyright: ignore[reportAttributeAccessIssue]
-        raise UnreadableError(f"{file} {error if isinstance(error, ValueError) else f'is damaged: {_reason(error)}'}") from error
 
 
 def _developed(data: bytes, balance: list[float] | None) -> tuple[np.ndarray, ...]:
     """Red, green and blue of a raw picture, linear, in 16 bits, without anything automatic."""
-    with rawpy.imread(io.BytesIO(data)) as raw:
-        check_pixels(raw.sizes.raw_height, raw.sizes.raw_width)
-        samples = raw.postprocess(
-            user_wb=balance or _balance_of(raw),
-            no_auto_bright=True,
-            adjust_maximum_thr=0.0,
-            gamma=(1, 1),
-            output_bps=16,
-            user_flip=0,
-        )
+    with raw.opened(data) as photograph:
+        samples = raw.developed(photograph, user_wb=balance or _balance_of(photograph))
     return tuple(np.ascontiguousarray(samples[..., k]) for k in range(3))
 
 
 def _balance(file: Path) -> list[float]:
-    try:
-        with rawpy.imread(io.BytesIO(read_whole(file, most=MOST_BYTES))) as raw:
-            return _balance_of(raw)
-    except rawpy.LibRawError as error:  # pyright: ignore[reportAttributeAccessIssue]
-        raise UnreadableError(f"{file} is damaged: {_reason(error)}") from error
+    with reading(file), raw.opened(read_whole(file, most=MOST_BYTES)) as photograph:
+        return _balance_of(photograph)
 
 
-def _balance_of(raw: rawpy.RawPy) -> list[float]:
+def _balance_of(photograph: rawpy.RawPy) -> list[float]:
     """The multipliers of the four colours as the camera chose them, or those of daylight where it did not."""
-    chosen = [float(w) for w in raw.camera_whitebalance]
-    return chosen if all(math.isfinite(w) and w > 0 for w in chosen[:3]) else [float(w) for w in raw.daylight_whitebalance]
+    chosen = [float(w) for w in photograph.camera_whitebalance]
+    return chosen if all(math.isfinite(w) and w > 0 for w in chosen[:3]) else [float(w) for w in photograph.daylight_whitebalance]
 
 
 def _of_raw(file: Path) -> tuple[int, Fraction | None]:
     """How the camera was turned, and the rate that CinemaDNG states."""
     data = read_whole(file, most=MOST_BYTES)
-    try:
-        with rawpy.imread(io.BytesIO(data)) as raw:
-            rotation = _ROTATION.get(raw.sizes.flip, 0)
-    except rawpy.LibRawError as error:  # pyright: ignore[reportAttributeAccessIssue]
-        raise UnreadableError(f"{file} is damaged, or a raw format that LibRaw does not read: {_reason(error)}") from error
+    with reading(file), raw.opened(data) as photograph:
+        rotation = _ROTATION.get(photograph.sizes.flip, 0)
     try:
         with tifffile.TiffFile(io.BytesIO(data)) as pages:
             number, divisor = pages.pages[0].tags.valueof(_FRAME_RATE)  # pyright: ignore[reportAttributeAccessIssue]
             return rotation, Fraction(number, divisor) if number > 0 < divisor else None
     except Exception:  # not stated, or tifffile raises whatever the damage leads it to
         return rotation, None
-
-
-def _reason(error: Exception) -> str:
-    return error.args[0].decode() if error.args and isinstance(error.args[0], bytes) else str(error)
 
 
 def colour_of(kind: str, planes: tuple[np.ndarray, ...]) -> Colour:

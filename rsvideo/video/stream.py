@@ -39,7 +39,7 @@ class Colour:
     chroma_shift: tuple[int, int] = (0, 0)  # log2 of luma rows and columns per chroma sample
     assumed: frozenset[str] = frozenset()  # of "matrix", "transfer", "primaries", "full_range"
     h273: tuple[int, int, int, int] = (2, 2, 2, 0)  # primaries, transfer, matrix, and FFmpeg's range as stored; 2 and 0: not stated
-    saturation: float | None = None  # R'G'B' from which on the camera was full, where that is known; 1 is nominal white
+    saturation: float | None = None  # R'G'B' from which on the camera was full, where that is given; 1 is nominal white
 
     @property
     def note(self) -> str:

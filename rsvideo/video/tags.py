@@ -36,6 +36,7 @@ _PRIMARIES = {
 }
 _UNSAID = {2}
 _FULL = 2  # FFmpeg's AVCOL_RANGE_JPEG
+_HD_ROWS = 720  # from which on an untagged clip is taken for BT.709: players do alike
 _LAYOUT_OF = (  # layouts that are handed over as planes of the same codes
     (re.compile(r"(rgb24|bgr24|0rgb|rgb0|0bgr|bgr0|argb|rgba|abgr|bgra|pal8)"), "gbrp"),
     (re.compile(r"(rgb48|bgr48|rgba64|bgra64)[lb]e"), "gbrp16le"),
@@ -66,8 +67,8 @@ def colour(path: Path, video: VideoStream, frame: VideoFrame) -> tuple[Colour, t
     matrix = Matrix.RGB if rgb else _MATRIX.get(h273[2])
     if h273[2] in _UNSAID and not rgb:
         assumed.add("matrix")
-        matrix = Matrix.BT709 if frame.height >= 720 else Matrix.BT601
-    if matrix is None or (matrix is Matrix.RGB) != rgb:
+        matrix = Matrix.BT709 if frame.height >= _HD_ROWS else Matrix.BT601
+    if matrix is None or ((matrix is Matrix.RGB) != rgb and subsampling != "4:0:0"):  # grey has nothing to mix
         raise UnreadableError(f"{path} mixes its colours by matrix {h273[2]} of H.273, which is not read; convert it to BT.709 first")
     transfer = _TRANSFER.get(h273[1])
     if transfer is None:

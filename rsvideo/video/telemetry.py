@@ -21,6 +21,7 @@ MEMORY = 4 << 30  # bytes
 _MOST_BYTES = 64_000  # of the answer
 MOST_CHARACTERS = 80  # of a name that a file states
 _READOUT, _STABILISED = "0x53524f54", "0x45495341"  # GPMF's SROT in ms, and EISA
+_MOST = 1e9  # of a time in ms that a file states; more is damage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +91,7 @@ def _checked(found: Mapping[str, Any]) -> Telemetry:
 
 
 def _positive(value: object) -> float | None:
-    return float(value) if isinstance(value, int | float) and 0 < value < 1e9 else None
+    return float(value) if isinstance(value, int | float) and 0 < value < _MOST else None
 
 
 def _word(value: object) -> str | None:

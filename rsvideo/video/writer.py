@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import os
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -11,7 +10,8 @@ from types import TracebackType
 import av.error
 import numpy as np
 
-from rsvideo.config.files import part_of
+from rsvideo.config.files import UnreadableError, digest
+from rsvideo.config.placing import Made, aside, place
 from rsvideo.video import colour as tint
 from rsvideo.video import sequence, verification
 from rsvideo.video.container_writer import ContainerWriter
@@ -26,15 +26,24 @@ class Writer:
     """Writes pictures in order; on a clean exit the file is verified by decoding it and appears under its name, else nothing does.
 
     `first` and `last` say which part of the stream is written; a part begins at time 0, and at its own timecode. `notes` names what
-    could not be kept.
+    could not be kept. With `within`, a folder of our own beside `path`, what was made stays there: `made` is to be placed by the caller.
     """
 
-    def __init__(self, path: Path, stream: Stream, encoding: Encoding | None = None, *, first: int = 0, last: int | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        stream: Stream,
+        encoding: Encoding | None = None,
+        *,
+        first: int = 0,
+        last: int | None = None,
+        within: Path | None = None,
+    ) -> None:
         self._path, self._stream, self._encoding = path, stream, encoding or Encoding()
         self._part = Part(stream=stream, first=first, last=stream.frames if last is None else last)
         self._codec, self.colour, notes = chosen(path, stream, self._encoding)
         self._notes = list(notes)
-        self._file = part_of(path)
+        self._within, self._own = within, contextlib.ExitStack()
         self._written = 0
         self._container: ContainerWriter | None = None  # None: a sequence of pictures
 
@@ -43,17 +52,23 @@ class Writer:
         """What was not kept; complete after the exit."""
         return tuple(self._notes)
 
+    @property
+    def made(self) -> Made:
+        """The clip, complete after the exit."""
+        replaced = sequence.older(self._path, self._stream) if self._codec in SEQUENCES else ()
+        return Made(at=self._file, path=self._path, sha256=digest(self._file), replaced=replaced)
+
     def __enter__(self) -> "Writer":
-        self._remove()
         try:
             with _as_oserror(self._path):
+                self._file = (self._within or self._own.enter_context(aside(self._path.parent))) / self._path.name
                 if self._codec in SEQUENCES:
                     self._file.mkdir()
                 else:
                     self._container = ContainerWriter(self._file, self._path, self._part, self._codec, self.colour, self._encoding)
                     self._notes += self._container.notes
         except BaseException:
-            self._remove()
+            self._own.close()
             raise
         return self
 
@@ -69,8 +84,7 @@ class Writer:
             if self._container is not None:
                 self._container.write(picture)
             else:
-                name = stream.files[index].stem if stream.files else f"{self._path.name}_{index:06d}"
-                sequence.write(self._file, name, self._codec, picture)
+                sequence.write(self._file, sequence.stem(stream, index, self._path), self._codec, picture)
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         try:
@@ -80,10 +94,10 @@ class Writer:
             with contextlib.suppress(Exception):  # the first error is the one to report
                 if self._container is not None:
                     self._container.close()
-            self._remove()
+            self._own.close()
 
     def _finish(self) -> None:
-        """Complete the file, read it back, and move it to its name."""
+        """Complete the file, read it back, and give it its name unless that is for the caller."""
         if self._written != self._part.count:
             raise ValueError(f"{self._path} must hold {self._part.count} pictures, {self._written} were written")
         with _as_oserror(self._path):
@@ -93,11 +107,8 @@ class Writer:
             if self._file.is_file():
                 with self._file.open("rb+") as file:
                     os.fsync(file.fileno())
-            if self._path.is_dir():
-                for file in sorted(self._file.iterdir()):
-                    file.replace(self._path / file.name)
-            else:
-                self._file.replace(self._path)
+        if self._within is None:
+            place([self.made])
 
     def _verify(self) -> None:
         rate = self._stream.rate
@@ -105,12 +116,14 @@ class Writer:
             verification.read_back(self._file, self._path, rate, np.arange(self._part.count), 1 / rate)
             return
         base = self._container.base
-        written = verification.read_back(self._file, self._path, rate, self._part.times(base), base)
+        try:
+            written = verification.read_back(self._file, self._path, rate, self._part.times(base), base)
+        except OSError as error:
+            if error.errno != errno.EIO or not any(track.copied for track in self._stream.tracks):
+                raise
+            held = f"{self._stream.path} holds sound or other tracks that cannot be carried over"
+            raise UnreadableError(f"{held}: {error.strerror}") from error
         self._notes.extend(verification.lost(self._part, written, self.colour))
-
-    def _remove(self) -> None:
-        with contextlib.suppress(OSError):
-            shutil.rmtree(self._file) if self._file.is_dir() else self._file.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
@@ -121,8 +134,8 @@ def _as_oserror(path: Path) -> Iterator[None]:
     except av.error.FFmpegError as error:
         number = error.errno if error.errno and error.errno < _MOST_ERRNO else errno.EIO
         raise OSError(number, error.strerror, str(path)) from error
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, error.filename or str(path)) from error  # a failed write does not say of which file
+    except OSError as error:  # a failed write does not say of which file, and one of our own folder's has another name
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def _fits(picture: Picture, colour: Colour, stream: Stream) -> bool:

@@ -20,7 +20,8 @@ from tests.pipeline.moving import RATE, Moving
 
 SHUTTER = rsvideo.Shutter(exposure=0.02, readout=0.02)
 CAMERA = rsvideo.Camera(focal_px=1.2 * 160)
-FRAMES = 10
+FRAMES = 6
+CHUNK = 4  # frames at most
 
 
 @pytest.fixture(scope="module")
@@ -52,15 +53,17 @@ def motion(moving: Moving, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Chunks of 5 of the clip's 10 frames."""
+    """Chunks of 3 of the clip's 6 frames."""
     monkeypatch.setattr(chunk, "MOST_BYTES", 0)
-    monkeypatch.setattr(chunk, "LONGEST", 8)
+    monkeypatch.setattr(chunk, "SHORTEST", CHUNK)
+    monkeypatch.setattr(chunk, "LONGEST", CHUNK)
 
 
 @pytest.fixture(scope="module")
 def restored(codes: list[np.ndarray]) -> list[rsvideo.Result]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(chunk, "LONGEST", 8)
+        patch.setattr(chunk, "SHORTEST", CHUNK)
+        patch.setattr(chunk, "LONGEST", CHUNK)
         return list(rsvideo.deblur_clip(codes, shutter=SHUTTER, camera=CAMERA, rate=RATE))
 
 
@@ -125,7 +128,8 @@ def test_light_comes_back_as_light_and_grey_as_grey(moving: Moving, motion: Path
 
 
 def test_only_a_chunk_is_held(codes: list[np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chunk, "LONGEST", 8)
+    monkeypatch.setattr(chunk, "SHORTEST", CHUNK)
+    monkeypatch.setattr(chunk, "LONGEST", CHUNK)
     taken: list[int] = []
 
     class Frames:
@@ -137,7 +141,7 @@ def test_only_a_chunk_is_held(codes: list[np.ndarray], monkeypatch: pytest.Monke
 
     results = rsvideo.deblur_clip(Frames(), shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone"))
     next(results)
-    assert taken[-1] <= 8 + chunk.AHEAD
+    assert taken[-1] <= CHUNK + chunk.AHEAD
     results.close()  # pyright: ignore[reportAttributeAccessIssue]
 
 

@@ -9,24 +9,31 @@ KILLED_ONCE: a file, absent, that will note that a worker has died
 HELD: the `clip number` of a chunk that takes a minute
 FULL: the number of a chunk that finds the disk full
 CHANGED: a clip that changes while it is read
-ORPHANED: a clip after whose result the command is killed; TALLY then gets the number of the worker that is left
+ORPHANED: a result after which the command is killed; TALLY then gets the number of the worker that is left
 """
 
 import errno
 import hashlib
+import json
+import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
 import rsvideo.pipeline
-from rsvideo.config.files import UnreadableError, write_whole
+from rsvideo.config import placing
+from rsvideo.config.files import UnreadableError, made_within, write_whole
+from rsvideo.config.placing import Made
 from rsvideo.config.request import Request
+from rsvideo.config.sidecar import Mark
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished, Outcome, stated
 from rsvideo.progress import Observer, Progress
 
 CHUNK = 4
@@ -38,9 +45,11 @@ class Task:
 
     request: Request
     data: bytes
+    picture_bytes: int = 1
     timing: ShutterTiming
     timing_source: str = "exposure explicit, readout explicit"
     notes: tuple[str, ...] = ()
+    first: int = 0
     rows: int = 48
     cols: int = 64
 
@@ -99,15 +108,24 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
     return ChunkRecord(pictures=name, frames=name, sha256={name: hashlib.sha256(made).hexdigest()})
 
 
-def finish(task: Task, records: list[ChunkRecord], folder: Path) -> Outcome:
-    made = b"".join((folder / record.pictures).read_bytes() for record in records)
-    write_whole({task.request.output: made, task.request.record: repr(task.request.stated()).encode()})
-    if os.environ.get("ORPHANED") == task.request.source.name:
-        Path(os.environ["TALLY"]).write_text(f"{os.getpid()}")
-        os.kill(os.getppid(), signal.SIGKILL)
-        time.sleep(60)
+def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | None = None) -> Finished:
+    data = b"".join((folder / record.pictures).read_bytes() for record in records)
+    within = Path(tempfile.mkdtemp(prefix="run-", dir=folder))
+    made = made_within(within, task.request.output, data)
     failed = task.data.count(b"?")
-    return Outcome(notes=("timecode is dropped",), restored=len(made) - failed, left=0, failed=failed, seconds=1.5)
+    outcome = Outcome(notes=("timecode is dropped",), restored=len(data) - failed, left=0, failed=failed, seconds=1.5)
+    head = {"version": 1, "stated": repr(task.request.stated()), "written": stated(outcome, [made], mark).model_dump()}
+    record = made_within(within, task.request.record, json.dumps(head)[:-1].encode() + b',"frames":[\n]}\n')
+    return Finished(outcome=outcome, made=(made, record))
+
+
+def place_and_die(made: Sequence[Made]) -> None:
+    """As a run does that is killed when the result has its names and the ledger does not know."""
+    placing.place(made)
+    if os.environ.get("ORPHANED") in [each.path.name for each in made]:
+        (worker,) = multiprocessing.active_children()
+        Path(os.environ["TALLY"]).write_text(f"{worker.pid}")
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 core = {"prepare": (Task, prepare), "deblur": (chunks, work, finish)}
@@ -118,6 +136,8 @@ for name, held in core.items():  # in the workers too, which import this file by
     setattr(rsvideo.pipeline, name, module)
 
 if __name__ == "__main__":
+    from rsvideo.batch import run
     from rsvideo.cli import main
 
+    run.place = place_and_die
     main()

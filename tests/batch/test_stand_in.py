@@ -20,5 +20,5 @@ def test_what_is_called_has_the_same_parameters(name: str) -> None:
 
 
 def test_what_comes_out_has_what_is_read_from_it() -> None:
-    for name in ("request", "timing", "timing_source", "notes", "frames", "rows", "cols", "estimate"):
+    for name in ("request", "timing", "timing_source", "notes", "first", "frames", "rows", "cols", "estimate"):
         assert name in {field.name for field in dataclasses.fields(prepare.Task)} | set(vars(prepare.Task))

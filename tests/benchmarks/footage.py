@@ -48,7 +48,9 @@ def main() -> None:
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
     rows = []
-    print("| clip | exposure given | exposure taken, of the true one | gain dB | least gain dB | frames | harmed | restored | straightened |")
+    print(
+        "| clip | exposure given | exposure taken, of the true one | gain dB | least gain dB | frames | harmed | restored | straightened |"
+    )
     print("|---|---|---|---|---|---|---|---|---|")
     for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
         if args.only and case.name not in args.only:

@@ -20,6 +20,7 @@ from rsvideo.physics import gyro, shake, simulate, tone
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer
+from rsvideo.progress import ignore
 from rsvideo.restoration import tracks
 
 ROWS, COLS, FPS = 240, 320, 30.0
@@ -53,7 +54,7 @@ def case(seed: int, frames: int) -> tuple[dict, str]:
         times = timing.sample_times(3) + k / FPS + 0.02
         maps = simulate.homographies(path.at(times.ravel()), camera=camera).reshape(*times.shape, 3, 3)
         x, y = np.meshgrid(np.arange(COLS, dtype=float), np.arange(ROWS, dtype=float))
-        frame = simulate._sampled_through(light, x, y, maps, camera=camera, tell=float)[..., 0]
+        frame = simulate._sampled_through(light, x, y, maps, camera=camera, observe=ignore)[..., 0]
         frame = frame + 0.004 * rng.standard_normal(frame.shape) * np.sqrt(0.5 + np.maximum(frame, 0))
         stored = np.round(255 * tone.encode(Transfer.SRGB, np.clip(frame, 0, 1).astype(np.float32)))
         codes = tracks.codes(tone.decode(Transfer.SRGB, stored / np.float32(255)).astype(float))

@@ -1,5 +1,6 @@
 """Each mistake ends in one clear line, the promised exit code, and nothing half-written."""
 
+import json
 import os
 import resource
 import signal
@@ -67,6 +68,14 @@ def raw_header_only(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-4000])
 
 
+def circle(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
+def pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
 def nothing(path: Path) -> None:
     pass
 
@@ -88,6 +97,12 @@ def empty(path: Path) -> None:
         ("nan.tif", nan_tiff, ["NaN"]),
         ("inks.jpg", cmyk, ["CMYK"]),
         ("not.dng", text_named_png, ["is damaged"]),
+        ("circle.png", circle, ["symbolic links"]),
+        ("circle.mp4", circle, ["symbolic links"]),
+        ("pipe.png", pipe, ["is not a file"]),
+        ("pipe.mp4", pipe, ["is not a file"]),
+        ("x" * 300 + ".png", nothing, ["name too long"]),
+        ("x" * 300 + ".mp4", nothing, ["name too long"]),
         ("cut.dng", raw_header_only, ["is damaged"]),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -96,8 +111,9 @@ def test_an_input_that_is_no_photograph_is_refused_by_name(
     rsvideo: Run, tmp_path: Path, name: str, make: Callable[[Path], None], words: list[str]
 ) -> None:
     make(tmp_path / name)
-    one_line(rsvideo("deblur", tmp_path / name, "-o", tmp_path / "out.png", *GOOD), 3, name, *words)
-    assert not (tmp_path / "out.png").exists()
+    output = tmp_path / f"out{Path(name).suffix}" if name.endswith(".mp4") else tmp_path / "out.png"
+    one_line(rsvideo("deblur", tmp_path / name, "-o", output, *GOOD), 3, name, *words)
+    assert not output.exists()
 
 
 @pytest.mark.parametrize(
@@ -199,7 +215,7 @@ def test_a_file_system_that_is_full_leaves_nothing_behind(rsvideo_at_once: Run, 
         subprocess.run(["umount", small], check=True)
 
 
-@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_an_interrupt_during_work_leaves_nothing_behind(photograph: Path, sent: signal.Signals, code: int) -> None:
     words = [sys.executable, STAND_IN, "deblur", photograph, "-o", photograph.with_name("out.png"), *GOOD]
     environment = os.environ | {"DAWDLE": "60"}
@@ -233,3 +249,53 @@ def test_a_trajectory_file_that_is_absent_is_named(rsvideo: Run, photograph: Pat
 
 def test_a_sidecar_that_is_none_cannot_be_plotted(rsvideo: Run, photograph: Path) -> None:
     one_line(rsvideo("plot", photograph, "-o", photograph.with_name("fig.png")), 3, "in.png", "sidecar")
+
+
+def absurd(path: Path) -> None:
+    record = json.loads(path.read_text())
+    record["frames"][0]["trajectory"]["x_px"][3] = 1e300
+    path.write_text(json.dumps(record))
+
+
+def test_a_sidecar_with_absurd_numbers_is_refused_with_file_and_key(rsvideo: Run, photograph: Path) -> None:
+    output, record = photograph.with_name("out.png"), photograph.with_name("out.rsvideo.json")
+    assert rsvideo("deblur", photograph, "-o", output, *GOOD, "--method", "none").returncode == 0
+    absurd(record)
+    words = ("out.rsvideo.json", "frames.0.trajectory.x_px.3", "is it a sidecar")
+    one_line(rsvideo("plot", record, "-o", photograph.with_name("fig.png")), 3, *words)
+    done = rsvideo("deblur", photograph, "-o", photograph.with_name("again.png"), *GOOD, "--trajectory", record)
+    one_line(done, 3, "out.rsvideo.json", "trajectory.x_px.3")
+
+
+def test_a_motion_out_of_the_frame_is_refused_before_the_work(rsvideo: Run, photograph: Path) -> None:
+    motion = photograph.with_name("motion.csv")
+    lines = [f"{t:.3f},{2 * np.sin(40 * t):.6f},0,0" for t in np.arange(0, 0.05, 1e-3)]
+    motion.write_text("\n".join(["t_s,pitch_rad,yaw_rad,roll_rad", *lines]))
+    done = rsvideo("deblur", photograph, "-o", photograph.with_name("out.png"), *GOOD, "--trajectory", motion)
+    one_line(done, 3, "motion.csv", "must keep in view", "64 x 48", "degrees")
+
+
+def test_what_needs_more_memory_than_the_process_may_have_is_refused_with_both_figures(rsvideo: Run, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "in.png"), np.zeros((12_000, 12_000), np.uint8))
+
+    def little_memory() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30))
+
+    done = rsvideo("deblur", tmp_path / "in.png", "-o", tmp_path / "out.png", *GOOD[:-1], "9000", preexec_fn=little_memory)
+    one_line(done, 3, "in.png", "needs about 4.3 GB of memory", "12000 x 12000")
+    assert [path.name for path in tmp_path.iterdir()] == ["in.png"]
+
+
+@pytest.mark.parametrize("output", ["out.mp4", "out.png"])
+def test_control_characters_of_names_do_not_reach_the_terminal(rsvideo: Run, tmp_path: Path, output: str) -> None:
+    path = tmp_path / ("a\x1b[31mred\x9b\u202e\n" + Path(output).suffix)
+    path.write_text("no picture")
+    done = rsvideo("deblur", path, "-o", tmp_path / output, *GOOD)
+    one_line(done, 3, "a\\x1b[31mred\\u009b\\u202e")
+    job = tmp_path / "job.yaml"
+    job.write_text(f"clips: ['a*{path.suffix}']\ndefaults: {{camera: {{exposure: 1/50, readout: 20ms, focal_px: 100}}}}\n")
+    for how in ("none", "jsonl"):
+        told = rsvideo("run", job, "--progress", how)
+        assert told.returncode == 3
+        assert (told.stdout + told.stderr).replace("\n", "").isprintable()
+        assert "x1b[31mred" in told.stderr

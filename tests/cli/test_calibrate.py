@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from rsvideo.cli import app
-from rsvideo.cli.exit_codes import told
+from rsvideo.cli.exit_codes import code_and_line
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting import profiles
@@ -19,13 +19,14 @@ from tests.cli.conftest import Run
 
 BOARD = "chessboard:6x5:25mm"
 FOCAL, ROWS, COLS = 300.0, 240, 320
+VIEWS = 7
 
 
 def refused(code: int, line: str, *words: object) -> None:
     """The command ends with `code` and a line that holds `line`; called in this process, which is faster."""
     done = CliRunner().invoke(app, ["calibrate", *map(str, words)], standalone_mode=False)
     assert done.exception is not None
-    got, said = told(done.exception)
+    got, said = code_and_line(done.exception)
     assert got == code, said
     assert line in said
 
@@ -48,7 +49,7 @@ def views(printed: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     camera = np.array([[FOCAL, 0, COLS / 2 - 0.5], [0, FOCAL, ROWS / 2 - 0.5], [0, 0, 1]])
     fine = np.array([[4, 0, 1.5], [0, 4, 1.5], [0, 0, 1]])
     rng = np.random.default_rng(1)
-    for n in range(9):
+    for n in range(VIEWS):
         R = cv2.Rodrigues(rng.uniform(-0.5, 0.5, 3))[0]
         middle = (rng.uniform(-0.06, 0.06), rng.uniform(-0.03, 0.03), rng.uniform(0.33, 0.42))
         H = fine @ camera @ np.stack([R[:, 0], R[:, 1], np.array(middle)], axis=1) @ metres
@@ -85,7 +86,7 @@ def test_a_person_measures_their_camera_and_gets_one_profile(rsvideo: Run, views
     assert lens.fx.std is not None
     assert abs(lens.fx.value - FOCAL) < 4 * lens.fx.std
     assert lens.found is not None
-    assert set(lens.found.files) == {f"{n}.png" for n in range(9)}
+    assert set(lens.found.files) == {f"{n}.png" for n in range(VIEWS)}
     done = rsvideo("calibrate", "response", *bracket, "--exposures", "1/500,1/250,1/125,1/60,1/30", "-o", mine, "--add")
     assert done.returncode == 0, done.stderr
     both = profiles.find(str(mine))
@@ -104,15 +105,16 @@ def test_a_person_measures_their_camera_and_gets_one_profile(rsvideo: Run, views
 
 
 def test_without_an_output_the_profile_is_printed(rsvideo: Run, views: Path, tmp_path: Path) -> None:
-    done = rsvideo("calibrate", "lens", views, "--board", BOARD)
+    few = [*(views / f"{n}.png" for n in range(4)), views / "empty.png"]
+    done = rsvideo("calibrate", "lens", *few, "--board", BOARD)
     assert done.returncode == 0
     path = tmp_path / "printed.yaml"
     path.write_text(done.stdout)
     assert profiles.find(str(path)).intrinsics is not None
-    facts = json.loads(rsvideo("calibrate", "lens", views, "--board", BOARD, "--json").stdout)
+    facts = json.loads(rsvideo("calibrate", "lens", *few, "--board", BOARD, "--json").stdout)
     assert [one["name"] for one in facts["refused"]] == ["empty.png"]
-    assert len(facts["views"]) == 9
-    assert facts["profile"]["intrinsics"]["fx"]["value"] == pytest.approx(FOCAL, rel=0.01)
+    assert len(facts["views"]) == 4
+    assert facts["profile"]["intrinsics"]["fx"]["value"] == pytest.approx(FOCAL, rel=0.05)
 
 
 def test_the_schema_names_every_part_of_a_profile(rsvideo: Run) -> None:
@@ -136,7 +138,7 @@ def test_what_cannot_be_meant_is_refused_in_one_line(rsvideo: Run, views: Path, 
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert "did you mean chessboard?" in done.stderr
     board = ("--board", BOARD)
-    refused(3, "was found in none of 10 pictures", "lens", views, "--board", "chessboard:7x5:25mm")
+    refused(3, "was found in none of 2 pictures", "lens", views / "0.png", views / "1.png", "--board", "chessboard:7x5:25mm")
     refused(2, "at least 3 views of the board, 1 can be used", "lens", views / "0.png", *board)
     done = CliRunner().invoke(app, ["calibrate", "lens", str(views / "0.png"), str(views / "empty.png"), *board])
     assert "not used: empty.png: the board was not found" in done.stderr
@@ -157,11 +159,12 @@ def test_a_profile_of_another_mode_is_not_added_to(views: Path, tmp_path: Path) 
     path = tmp_path / "mine.yaml"
     path.write_text("name: Mine\nmode: {rows: 480, cols: 640}\n")
     before = path.read_bytes()
-    refused(2, "the profile is of 640 x 480, what was measured of 320", "lens", views, "--board", BOARD, "-o", path, "--add")
+    few = [views / f"{n}.png" for n in range(3)]
+    refused(2, "the profile is of 640 x 480, what was measured of 320", "lens", *few, "--board", BOARD, "-o", path, "--add")
     assert path.read_bytes() == before
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_damage_to_views_or_profiles_raises_what_is_not_told(views: Path, tmp_path: Path, data: st.DataObject) -> None:
     kind = data.draw(st.sampled_from(["png", "yaml", "json", "yml"]))
@@ -173,6 +176,6 @@ def test_no_damage_to_views_or_profiles_raises_what_is_not_told(views: Path, tmp
     words = ["lens", str(path), "--board", BOARD] if kind == "png" else ["show", str(path), "-o", str(figure), "--overwrite"]
     done = CliRunner().invoke(app, ["calibrate", *words], standalone_mode=False)
     if done.exception is not None:
-        code, line = told(done.exception)
+        code, line = code_and_line(done.exception)
         assert code in (2, 3), line
         assert str(path) in line or "the board was found in none" in line or "a lens needs at least" in line

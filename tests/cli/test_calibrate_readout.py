@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from calibration import flicker
 from rsvideo.cli import app
-from rsvideo.cli.exit_codes import told
+from rsvideo.cli.exit_codes import code_and_line
 from rsvideo.physics import gyro, shake, simulate, tone
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
@@ -36,7 +36,7 @@ def refused(code: int, line: str, *words: object) -> None:
     """The command ends with `code` and a line that holds `line`."""
     done = CliRunner().invoke(app, ["calibrate", "readout", *map(str, words)], standalone_mode=False)
     assert done.exception is not None, done.output
-    got, said = told(done.exception)
+    got, said = code_and_line(done.exception)
     assert got == code, said
     assert line in said
 

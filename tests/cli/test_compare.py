@@ -48,21 +48,21 @@ def clip(case: Path) -> Path:
 
 def refused(*words: object) -> tuple[int, str]:
     """The exit code and the line of a request that comes to nothing."""
-    with pytest.raises(Exception) as error:  # noqa: PT011 # what it is told as is looked at by the tests
+    with pytest.raises(Exception) as error:  # noqa: PT011 # the tests check its kind
         app(["compare", *map(str, words)], standalone_mode=False)
-    return exit_codes.told(error.value)
+    return exit_codes.code_and_line(error.value)
 
 
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Methods run here, one after the other: starting processes takes longer than what they do."""
 
-    def attempts(orders, *, most, quiet, observe) -> Iterator[method_run.Attempt]:
+    def runs_of(orders, *, most, quiet, observe) -> Iterator[method_run.MethodRun]:
         for order in orders:
             order.request.output.parent.mkdir(parents=True, exist_ok=True)
             yield method_run.carried_out(order, observe)
 
-    monkeypatch.setattr(method_run, "attempts", attempts)
+    monkeypatch.setattr(method_run, "runs_of", runs_of)
 
 
 def test_each_method_stands_in_the_report_and_a_failing_one_fails_alone(clip: Path, tmp_path: Path) -> None:

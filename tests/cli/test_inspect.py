@@ -53,7 +53,7 @@ def test_the_table_on_a_terminal_names_what_is_missing(rsvideo: Run, clip: Path)
 def test_names_that_could_harm_a_terminal_are_shown_plain(rsvideo: Run, clip: Path) -> None:
     done = rsvideo("inspect", clip.rename(clip.with_name("\x1b[31mclip.mov")))
     assert done.returncode == 0
-    assert "?[31mclip.mov" in "".join(done.stdout.split())  # lines are folded
+    assert r"\x1b[31mclip.mov" in "".join(done.stdout.split())  # lines are folded
 
 
 def test_options_win_over_all_sources(rsvideo: Run, clip: Path) -> None:

@@ -298,7 +298,7 @@ def test_a_job_killed_at_random_moments_ends_as_if_it_had_not_been(job: Path, wh
 
 
 def test_a_job_killed_between_a_result_and_its_entry_in_the_ledger_goes_on(job: Path, whole: dict[str, bytes]) -> None:
-    assert call("run", job, ORPHANED="a b.mp4", TALLY=job.with_name("worker")).returncode == -signal.SIGKILL
+    assert call("run", job, ORPHANED="a b_rsvideo.mp4", TALLY=job.with_name("worker")).returncode == -signal.SIGKILL
     assert (job.parent / "restored" / "a b_rsvideo.mp4").exists()
     worker = Path("/proc") / job.with_name("worker").read_text()
     while worker.exists() and "State:\tZ" not in (worker / "status").read_text():  # no worker outlives the command
@@ -318,7 +318,7 @@ def test_a_source_that_changes_while_it_is_read_is_no_result(job: Path) -> None:
     assert "a b_rsvideo.mp4" not in results(job)
 
 
-@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_an_interrupt_keeps_what_is_done_and_says_how_to_go_on(
     job: Path, whole: dict[str, bytes], sent: signal.Signals, code: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -380,9 +380,10 @@ def test_a_damaged_ledger_is_begun_anew(job: Path, whole: dict[str, bytes]) -> N
     assert call("run", job, KILLED=AT_LAST).returncode == 1
     (ledger,) = (job.parent / "restored").rglob("ledger.sqlite")
     ledger.write_bytes(b"this is no ledger" * 1000)
-    done = call("run", job, "--overwrite")
+    done = call("run", job)
     assert done.returncode == 0, done.stderr
     assert "damaged" in done.stderr
+    assert done.stderr.count("is done already") == 2
     assert results(job) == whole
 
 
@@ -423,7 +424,7 @@ def test_a_full_disk_ends_the_run_and_keeps_what_is_done(job: Path, whole: dict[
     assert results(job) == whole
 
 
-@pytest.mark.parametrize("filled", [80, 88, 96, 112, 124])
+@pytest.mark.parametrize("filled", [80, 96, 124])
 def test_a_file_system_that_is_full_keeps_what_is_done(job: Path, whole: dict[str, bytes], filled: int) -> None:
     small = job.parent / "restored"
     small.mkdir()

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.cli import forked
 from tests.cli.conftest import STAND_IN
 from tests.cli.test_bad_input import one_line
 from tests.video.clips import make
@@ -27,10 +28,9 @@ clips:
 """
 
 
-def call(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+def call(*words: object) -> subprocess.CompletedProcess[str]:
     """The command with a core that brightens photographs."""
-    program = [sys.executable, str(STAND_IN), *map(str, words)]
-    return subprocess.run(program, capture_output=True, text=True, timeout=120, env=os.environ | environment, check=False)
+    return forked.call(*words, program=STAND_IN)
 
 
 def picture(path: Path, seed: int = 0) -> Path:
@@ -80,6 +80,7 @@ def test_a_photograph_is_restored_as_deblur_does(job: Path) -> None:
     assert call("deblur", job.parent / "photos" / "sharp.png", "-o", job.parent / "alone.png", *words).returncode == 0
     assert (job.parent / "alone.png").read_bytes() == (job.parent / "restored" / "sharp_rsvideo.png").read_bytes()
     one, other = (json.loads((job.parent / name).read_text()) for name in ("alone.rsvideo.json", "restored/sharp_rsvideo.rsvideo.json"))
+    assert (one.pop("written")["sha256"]["alone.png"],) == tuple(other.pop("written")["sha256"].values())
     assert one == other
 
 

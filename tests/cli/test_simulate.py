@@ -29,7 +29,7 @@ def refused(code, *words):
     """The line that the front door tells, without a second process."""
     with pytest.raises(Exception) as caught:  # noqa: PT011 # which one is between the verb and the front door
         VERB([*map(str, words)], standalone_mode=False)
-    told, line = exit_codes.told(caught.value)
+    told, line = exit_codes.code_and_line(caught.value)
     assert told == code, line
     assert "Traceback" not in line
     return line

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rsvideo.comparison import compare
-from rsvideo.comparison.method_run import Attempt
+from rsvideo.comparison.method_run import MethodRun
 from rsvideo.config.request import Request
 from rsvideo.progress import ignore
 from rsvideo.stills import still
@@ -18,7 +18,7 @@ def test_each_photograph_is_read_once(tmp_path: Path, monkeypatch: pytest.Monkey
     for name in names:
         cv2.imwrite(str(tmp_path / f"{name}.png"), np.random.default_rng(0).integers(0, 255, (64, 96, 3), np.uint8))
     files = {name: tmp_path / f"{name}.png" for name in names}
-    runs = [Attempt(method=name, output=files[name], seconds=1.0, peak_bytes=0) for name in ("uniform", "stitch")]
+    runs = [MethodRun(method=name, output=files[name], seconds=1.0, peak_bytes=0) for name in ("uniform", "stitch")]
     read, opened = still.read, list[Path]()
     monkeypatch.setattr(still, "read", lambda path, *how: [opened.append(path), read(path, *how)][1])
     request = Request(source=files["blurred"], output=tmp_path / "out.png")

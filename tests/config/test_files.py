@@ -1,12 +1,13 @@
 import contextlib
 import hashlib
+import os
 import resource
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from rsvideo.config.files import UnreadableError, read_whole, sha256, write_whole
+from rsvideo.config.files import UnreadableError, lines, read_whole, reading, sha256, write_whole
 
 
 @contextlib.contextmanager
@@ -68,3 +69,46 @@ def test_files_that_cannot_be_read_say_why(tmp_path: Path) -> None:
     for name, why in (("absent", "does not exist"), ("empty", "is empty"), ("long", "at most"), ("", "is a folder")):
         with pytest.raises(UnreadableError, match=why):
             read_whole(tmp_path / name, most=10)
+
+
+def test_what_has_no_end_or_cannot_be_reached_is_refused_without_waiting(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "circle").symlink_to("circle")
+    for name, why in (("pipe", "not a file"), ("circle", "symbolic links"), ("x" * 300, "too long"), ("a\0b", "null")):
+        with pytest.raises(UnreadableError, match=why):
+            read_whole(tmp_path / name, most=10)
+    with pytest.raises(UnreadableError, match="not a file"):
+        read_whole(Path("/dev/zero"), most=10)
+    with pytest.raises(OSError, match="pipe"):
+        sha256(tmp_path / "pipe")
+
+
+def test_lines_come_one_after_the_other_and_are_bounded(tmp_path: Path) -> None:
+    path = tmp_path / "log"
+    path.write_bytes(b"\xef\xbb\xbfone\r\n\ntwo \xff")
+    assert list(lines(path, most=100)) == ["one", "", "two \ufffd"]
+    with pytest.raises(UnreadableError, match="at most 1e-05 MB"):
+        list(lines(path, most=10))
+    path.write_bytes(b"x" * 200_000)
+    with pytest.raises(UnreadableError, match=r"log:1: must be at most"):
+        list(lines(path, most=10**9))
+    path.write_bytes(b"")
+    with pytest.raises(UnreadableError, match="is empty"):
+        list(lines(path, most=100))
+
+
+@pytest.mark.parametrize(
+    ("raised", "words"),
+    [
+        (ValueError("must be grey"), "a.png must be grey"),
+        (OverflowError("too large"), "a.png is damaged: OverflowError: too large"),
+        (AttributeError("no height"), "a.png is damaged: AttributeError"),
+        (RecursionError("deep"), "a.png is damaged: RecursionError"),
+        (OSError(5, "Input/output error"), "a.png cannot be read: input/output error"),
+        (MemoryError(), "a.png needs more memory than there is"),
+        (UnreadableError("b.png is empty"), "b.png is empty"),
+    ],
+)
+def test_whatever_a_decoder_raises_is_a_fault_of_its_file(raised: Exception, words: str) -> None:
+    with pytest.raises(UnreadableError, match=words), reading(Path("a.png")):
+        raise raised

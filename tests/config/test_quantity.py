@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsvideo.config import quantity
 from rsvideo.config.quantity import frame_rate, hand_held, pixels, seconds
 
 
@@ -66,7 +67,16 @@ def test_rates_may_be_fractions(text: str, rate: Fraction) -> None:
     assert frame_rate(text) == rate
 
 
-@pytest.mark.parametrize("text", ["fast", "", "0", "-25", "25/0", "0.001", "100001", "1" * 1000])
+@pytest.mark.parametrize("text", ["fast", "", "0", "-25", "25/0", "0.001", "100001", "1" * 50, "1e99999999", "1/1e9", "nan"])
 def test_rates_that_no_camera_has_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="rate must be a number of frames a second such as 25 or 24000/1001, got"):
+    with pytest.raises(ValueError, match=r"rate must be a number of frames a second such as 25 or 24000/1001, from 1/100 to 100000, got"):
         frame_rate(text)
+
+
+@pytest.mark.parametrize("digits", [100, 4000, 200_000])
+def test_more_digits_than_any_quantity_has_are_refused_at_once(digits: int) -> None:
+    long = "1" * digits
+    for read in (frame_rate, quantity.span, lambda text: seconds("exposure", text), lambda text: pixels("focal-px", text)):
+        for text in (long, f"{long}/{long}", f"1e{long}"):
+            with pytest.raises(ValueError, match="must be written in at most 60 characters"):
+                read(text)

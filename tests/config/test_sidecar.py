@@ -104,6 +104,26 @@ def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:
     assert peak(200) < 2 * peak(20)
 
 
+def test_what_was_written_with_it_is_read_from_its_head_if_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "out.rsvideo.json"
+    mark = sidecar.Mark(job="../job.yaml", input="../in.png", settings="a", source="b")
+    stated = sidecar.Written(sha256={"out.png": "c"}, restored=1, left=0, failed=0, seconds=1.5, notes=("cropped",), mark=mark)
+    whole = example().model_copy(update={"written": stated}).encode()
+    path.write_bytes(whole)
+    assert sidecar.written(path) == sidecar.read(path).written == stated
+    for damaged in (
+        whole[:-1],
+        whole[:200],
+        b"",
+        b"{",
+        whole.replace(b'"seconds":1.5,"notes"', b'"seconds":-1,"notes"'),
+        example().encode(),
+    ):
+        path.write_bytes(damaged)
+        assert sidecar.written(path) is None
+    assert sidecar.written(tmp_path / "absent") is None
+
+
 def test_its_keys_are_those_that_are_promised() -> None:
     record = json.loads(example().encode())
     assert list(record) == ["version", "input", "settings", "frames"]
@@ -158,6 +178,16 @@ def test_a_lens_and_its_sensors_noise_come_back_and_are_left_out_where_there_are
         (lambda r: r["frames"][0]["trajectory"]["x_px"].pop(), "equally long"),
         (lambda r: r["frames"][0]["trajectory"]["t_s"].reverse(), "t_s must rise"),
         (lambda r: r["frames"][0]["trajectory"]["y_px"].__setitem__(3, None), r"frames\.0\.trajectory\.y_px\.3"),
+        (lambda r: r["frames"][0]["trajectory"]["x_px"].__setitem__(3, 1e300), r"frames\.0\.trajectory\.x_px\.3"),
+        (lambda r: r["frames"][0]["trajectory"]["t_s"].__setitem__(1, 1e-300), "t_s must rise"),
+        (lambda r: r["frames"][0]["timing"].update(exposure_s=1e9), r"frames\.0\.timing\.exposure_s"),
+        (lambda r: r["frames"][0]["timing"].update(row_time_s=5), "readout must lie in"),
+        (lambda r: r["frames"][0].update(psfs=[[[[1.0], [1.0, 2.0]]]]), "all of one size"),
+        (lambda r: r["frames"][0].update(verdict="x" * 10_000), r"frames\.0\.verdict"),
+        (lambda r: r["settings"]["camera"].update(rows=10**18), r"settings\.camera\.rows"),
+        (lambda r: r["settings"]["camera"].update(fx=1e-300), r"settings\.camera\.fx"),
+        (lambda r: r["settings"]["camera"].update(distortion={"model": "fisheye", "coefficients": [1e9] * 4}), r"settings\.camera"),
+        (lambda r: r["settings"]["camera"].update(noise={"read": -1, "shot": 0}), r"settings\.camera"),
     ],
 )
 def test_a_broken_sidecar_is_refused_with_its_file_and_key(tmp_path: Path, break_it, where: str) -> None:
@@ -175,3 +205,31 @@ def test_text_that_is_no_sidecar_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(UnreadableError, match=r"x\.json"):
         sidecar.read(path)
+
+
+def test_more_values_than_a_sidecar_has_are_refused_before_they_are_made(tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    path.write_text("[" + "1," * 3_000_000 + "1]")
+    tracemalloc.start()
+    try:
+        with pytest.raises(UnreadableError, match="at most 2000000 values"):
+            sidecar.read(path)
+        assert tracemalloc.get_traced_memory()[1] < 5 * path.stat().st_size
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_figure_s_frame_is_read_without_the_others(tmp_path: Path) -> None:
+    path = tmp_path / "out.rsvideo.json"
+    made = of_many(path, 5)
+    path.write_bytes(path.read_bytes().replace(b'"index":5', b'"index":-5'))
+    assert sidecar.read(path, most_frames=1).frames == made.frames[:1]
+    with pytest.raises(UnreadableError, match="index"):
+        sidecar.read(path)
+
+
+def test_a_name_that_is_no_text_can_be_written_and_read_back(tmp_path: Path) -> None:
+    settings = example().settings.model_copy(update={"trajectory_from": None})
+    path = tmp_path / "out.rsvideo.json"
+    path.write_bytes(b"".join(sidecar.encoded("clip\udcff.mp4", settings, example().frames)))
+    assert sidecar.read(path).input == "clip\\xff.mp4"

@@ -8,7 +8,7 @@ from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.gyro import GyroLog
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.simulate import blur, extent, margin
-from rsvideo.physics.staging import hand, polynomial, recorded, stage
+from rsvideo.physics.staging import hand, of_log, polynomial, stage
 
 SWEEP = polynomial({"x": [0, 8, 4], "y": [3, -6], "roll": [0, 0.02]})
 
@@ -85,7 +85,7 @@ def test_blur_is_scaled_for_the_frame_that_is_found():
 def test_a_recorded_turn_moves_by_the_focal_length():
     times = np.arange(100) * 0.005
     log = GyroLog(times=times, rates=np.where(times[:, None] < 0.25, 0, [0.0, 0.5, 0.0]))
-    staged = stage(90, 130, motion=recorded(log, start=0.3), focal=400.0, exposure=0.01, readout=0.02)
+    staged = stage(90, 130, motion=of_log(log, start=0.3), focal=400.0, exposure=0.01, readout=0.02)
     assert np.ptp(staged.trajectory.at(np.array([0.0, 0.03]))[:, 0]) == pytest.approx(400 * 0.5 * 0.03, rel=1e-6)
 
 

@@ -1,6 +1,8 @@
 """One clip from file to file: chunks that cover it, work that can be repeated, and all that a null run keeps."""
 
+import errno
 import json
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,11 +12,12 @@ import pytest
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
+from rsvideo.config.placing import place
 from rsvideo.config.request import Request, option_fields
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
-from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, work
-from rsvideo.pipeline.clip import finish
+from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, planned, work
+from rsvideo.pipeline.clip import carry_out, finish
 from rsvideo.pipeline.pieces import ChunkRecord, Outcome, frame_records
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import Progress
@@ -42,7 +45,9 @@ def silent(*_: object) -> None:
 
 def carried_out(task: Task, folder: Path) -> tuple[Outcome, list[ChunkRecord]]:
     records = [work(task, chunk, folder, silent) for chunk in chunks(task)]
-    return finish(task, records, folder), records
+    finished = finish(task, records, folder)
+    place(finished.made)
+    return finished.outcome, records
 
 
 def decoded(path: Path) -> tuple[Stream, list[tuple[np.ndarray, ...]]]:
@@ -95,6 +100,43 @@ def test_chunks_depend_on_the_clip_alone(tmp_path: Path) -> None:
     one = chunks(prepare(asked(source, tmp_path / "out.mkv", **KNOWN)))
     other = chunks(prepare(asked(source, tmp_path / "elsewhere" / "b.mp4", **KNOWN, codec="h264", path="smooth")))
     assert one == other
+
+
+def test_chunks_that_do_not_hold_every_frame_once_make_no_clip(tmp_path: Path) -> None:
+    source = joined_scenes(tmp_path / "in.mkv", (12, 12))
+    task = prepare(asked(source, tmp_path / "out.mkv", **KNOWN, method="none"))
+    parts = planned(0, 24, (12,), task.picture_bytes)
+    (tmp_path / "work").mkdir()
+    one, other = (work(task, chunk, tmp_path / "work", silent) for chunk in parts)
+    for records in ([one], [other], [one, other, other]):
+        with pytest.raises(ValueError, match=r"frames 0 to 23, each once"):
+            finish(task, records, tmp_path / "work")
+    assert len(finish(task, [one, other], tmp_path / "work").made) == 2
+    assert not task.request.output.exists()
+
+
+@pytest.mark.parametrize("stage", ["encoded", "rename"])
+def test_a_clip_whose_sidecar_cannot_be_written_does_not_appear(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stage: str) -> None:
+    source = joined_scenes(tmp_path / "in.mkv", (4,))
+    task = prepare(asked(source, tmp_path / "out.mkv", **KNOWN, method="none"))
+    rename = Path.rename
+
+    def full(*_: object) -> Iterator[bytes]:
+        yield b"{"
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def refused(self: Path, target: Path) -> Path:
+        if target == task.request.record:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return rename(self, target)
+
+    if stage == "encoded":
+        monkeypatch.setattr("rsvideo.config.sidecar.encoded", full)
+    else:
+        monkeypatch.setattr(Path, "rename", refused)
+    with pytest.raises(OSError, match=r"No space left.*out\.rsvideo\.json"):
+        carry_out(task, silent)
+    assert [path.name for path in tmp_path.iterdir()] == ["in.mkv"]
 
 
 def test_a_range_is_cut_into_chunks_by_itself(tmp_path: Path) -> None:

@@ -12,9 +12,10 @@ from PIL import Image, ImageCms
 from PIL.JpegImagePlugin import JpegImageFile
 from PIL.TiffImagePlugin import IFDRational
 
+from rsvideo.config import memory
 from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
-from rsvideo.stills import still
+from rsvideo.stills import png, still
 from rsvideo.stills.codes import Codes
 from rsvideo.stills.still import Format
 
@@ -277,3 +278,35 @@ def test_the_ending_names_the_format(name: str) -> None:
 def test_other_endings_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match=r"must end in one of \.png"):
         Format.of_output(Path(name))
+
+
+def test_a_jpeg_with_more_scans_than_a_picture_needs_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.jpg"
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (40, 40, 3), np.uint8)).save(path, progressive=True)
+    assert still.read(path).pixels.shape == (40, 40, 3)
+    data = path.read_bytes()
+    at = data.rindex(b"\xff\xda")
+    scan = data[at:-2]
+    path.write_bytes(data[:at] + scan * 300 + data[-2:])
+    with pytest.raises(UnreadableError, match=r"a\.jpg must have at most 200 scans"):
+        still.read(path)
+
+
+def test_a_picture_that_the_machine_has_no_memory_for_is_refused_by_its_header(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), np.zeros((1000, 1000), np.uint8))
+    monkeypatch.setattr(memory, "available", lambda: 20_000_000)
+    with pytest.raises(UnreadableError, match=r"a\.png needs about 0\.03 GB of memory to be decoded.*1000 x 1000"):
+        still.read(path)
+
+
+def test_whatever_a_decoder_raises_is_the_file_s_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.png"
+    cv2.imwrite(str(path), np.zeros((8, 8), np.uint8))
+
+    def overflows(_: bytes) -> None:
+        raise OverflowError("Python int too large to convert to C long")
+
+    monkeypatch.setattr(png, "decode", overflows)
+    with pytest.raises(UnreadableError, match=r"a\.png is damaged: OverflowError"):
+        still.read(path)

@@ -191,9 +191,35 @@ def two_sizes(path: Path) -> None:
                 out.mux(joined)
 
 
+def far_too_fast(path: Path) -> None:
+    """As if a flipped bit had made the clock tick 16384 times as fast."""
+    make(path, frames=10)
+    data = bytearray(path.read_bytes())
+    at = data.index(b"mdhd") + 4 + 12
+    struct.pack_into(">I", data, at, 16384 * struct.unpack_from(">I", data, at)[0])
+    path.write_bytes(data)
+
+
+def after_the_end_of_time(path: Path) -> None:
+    """Its fragments are said to begin some millions of years from now."""
+    make(path, muxer={"movflags": "frag_keyframe+empty_moov"})
+    data = bytearray(path.read_bytes())
+    at = data.index(b"tfdt") + 4
+    struct.pack_into(">BxxxQ", data, at, 1, 1 << 60)
+    path.write_bytes(data)
+
+
+def of_a_codec_that_nobody_has(path: Path) -> None:
+    make(path)
+    path.write_bytes(path.read_bytes().replace(b"avc1", b"zzzz").replace(b"avcC", b"zzzC"))
+
+
 @pytest.mark.parametrize(
     ("build", "words"),
     [
+        (far_too_fast, ["pictures a second", "is its header damaged"]),
+        (after_the_end_of_time, ["must be shown within", "is its header damaged"]),
+        (of_a_codec_that_nobody_has, ["stores its pictures in a way that is not read"]),
         (nothing, ["does not exist"]),
         (empty, ["is empty"]),
         (text, ["must be an MP4, MOV or MKV clip"]),
@@ -304,3 +330,13 @@ def test_ffmpegs_own_logging_is_left_as_it_was(tmp_path: Path) -> None:
     before = av.logging.get_level()
     list(pictures(probe(make(tmp_path / "a.mp4"))))
     assert av.logging.get_level() == before
+
+
+def test_a_name_is_a_file_and_never_an_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clip = make(tmp_path / "a.mp4")
+    monkeypatch.chdir(tmp_path)
+    Path("http:").mkdir()
+    for name in ("concat:a.mp4|a.mp4", "subfile,,start,0,end,0,,:a.mp4", "http:/a.mp4", "data:a.mp4"):
+        Path(name).write_bytes(clip.read_bytes())
+        stream = probe(Path(name))
+        assert len(list(pictures(stream))) == stream.frames == 8

@@ -20,7 +20,7 @@ def rewrite(stream: Stream, path: Path, encoding: Encoding | None = None, *, fir
     with Writer(path, stream, encoding, first=first, last=last) as writer:
         for picture in pictures(stream, first, last):
             writer.write(picture)
-    assert [file.name for file in path.parent.glob("*.part")] == []
+    assert [file.name for file in path.parent.glob(".rsvideo-*")] == []
     return writer
 
 
@@ -248,7 +248,7 @@ def test_what_a_codec_or_container_cannot_hold_is_refused(tmp_path: Path, codec:
 def test_the_same_pictures_make_the_same_bytes(tmp_path: Path, codec: Codec, suffix: str, layout: str) -> None:
     stream = probe(make(tmp_path / "in.mkv", codec="ffv1", layout=layout, rows=96, cols=160, frames=50, sound=True))
     chance, made = np.random.default_rng(0), set()
-    for k in range(5):
+    for k in range(3):
         used = [np.frombuffer(chance.bytes(n), np.uint8).copy() for n in chance.integers(1000, 200_000, 300)]
         del used  # memory that holds something else each time
         rewrite(stream, tmp_path / f"{k}{suffix}", Encoding(codec=codec))
@@ -264,7 +264,7 @@ def test_an_interruption_leaves_nothing_and_what_stood_there(tmp_path: Path) -> 
         with Writer(tmp_path / "out.mkv", stream, Encoding(codec="ffv1")) as writer:
             for picture in pictures(stream, 0, 4):
                 writer.write(picture)
-            assert (tmp_path / "out.mkv.part").exists()
+            assert len(list(tmp_path.glob(".rsvideo-*/out.mkv"))) == 1
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -4,7 +4,7 @@ import enum
 import json
 from pathlib import Path
 
-from rsvideo.config.files import read_whole
+from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.yaml import ConfigError, Positions, validated
 from rsvideo.physics.shutter import Direction
 from rsvideo.shooting.camera_profile import CameraProfile, Pixels
@@ -82,9 +82,9 @@ def read(path: Path) -> CameraProfile:
     try:
         data = json.loads(read_whole(path, most=MOST_BYTES))
     except (ValueError, RecursionError) as error:
-        if isinstance(error, UnicodeDecodeError | json.JSONDecodeError | RecursionError):
-            raise ConfigError(f"{path} must be JSON, {' '.join(str(error).split())[:200]}; is it cut short?") from error
-        raise
+        if isinstance(error, UnreadableError):
+            raise
+        raise ConfigError(f"{path} must be JSON, {' '.join(str(error).split())[:200]}; is it cut short?") from error
     try:
         return _parsed(validated(_LensProfile, data, positions), positions)
     except ConfigError as error:  # JSON is read without lines

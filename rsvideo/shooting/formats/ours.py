@@ -34,7 +34,7 @@ def _long(value: object) -> bool:
 
 
 def _written(data: Any) -> Any:
-    """Numbers that nothing more is known of stand alone, and none has more digits than it is known to."""
+    """Numbers without a deviation or an origin stand alone, and none has more digits than its deviation supports."""
     if isinstance(data, list):
         return [_written(item) for item in data]
     if not isinstance(data, dict):

@@ -39,7 +39,7 @@ def made(
     maker: str | None = None,
     fps: float | None = None,
 ) -> CameraProfile:
-    """The profile of these numbers; `model` None is a lens whose distortion is not known."""
+    """The profile of these numbers; `model` None is a lens without a stated distortion."""
     found = {"how": how, "when": when, "source": positions.path.name}
     lens = None
     if matrix is not None:

@@ -1,0 +1,50 @@
+"""One run at a time: a folder that a process holds until it ends, however it ends."""
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # not on Windows, where an open ledger cannot be moved or opened by others
+    fcntl = None
+
+
+class BusyError(Exception):
+    """Another run works on this job."""
+
+    def __init__(self, held: Path) -> None:
+        super().__init__(f"another run works on this job already (it holds {held}); wait for it, or stop it first")
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder; raises BusyError where another process does."""
+    if fcntl is None:
+        yield
+        return
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except FileNotFoundError as error:
+        raise BusyError(folder) from error  # which has just ended, and removed it
+    try:
+        if not _held(descriptor, folder):
+            raise BusyError(folder)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _held(descriptor: int, folder: Path) -> bool:
+    assert fcntl is not None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return os.path.samestat(os.fstat(descriptor), folder.stat())
+    except (BlockingIOError, FileNotFoundError):
+        return False
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL):
+            raise
+        return True  # a file system without locks; the ledger has one of its own
