@@ -1,6 +1,7 @@
 """rsvideo inspect: everything that is stated of a clip, and by whom."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,7 @@ _WIDTH = 160  # an output that is no terminal has no width
 def inspect(
     source: Annotated[Path, typer.Argument(metavar="CLIP", help="An MP4, MOV or MKV file, or a sequence's folder.")],
     given: options.Given,
+    measure: Annotated[bool, Option("--measure", help="Measure from the clip's own frames what nobody states.")] = False,
     json: Annotated[bool, Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Show what a clip states, what other sources add, and what is missing.
@@ -41,11 +43,22 @@ def inspect(
         stated = options.sections(given)
         with quiet.c_libraries():
             clip = gather(source, camera=stated.camera.profile, rate=stated.input.frame_rate)
+            clip = _measured(clip, stated.camera) if measure else clip
         values = _values(clip, stated.camera)
     if json:
         _print_json(values)
     else:
         _print_table(values)
+
+
+def _measured(clip: "Take", camera: "Camera") -> "Take":
+    from rsvideo.pipeline import measuring
+    from rsvideo.video.stream import Stream
+
+    assert isinstance(clip.source, Stream)
+    found = measuring.of_take(clip, camera, 0, clip.source.frames)
+    unclear = tuple(f"not measured: {reason}" for reason in found.unclear) if found else ()
+    return replace(clip, shutter=replace(clip.shutter, measured=found), notes=(*clip.notes, *unclear))
 
 
 def _values(clip: "Take", camera: "Camera") -> dict[str, Any]:

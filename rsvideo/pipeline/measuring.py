@@ -12,13 +12,18 @@ from rsvideo.config.request import Measured
 from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.pipeline import clip_frames
+from rsvideo.pipeline.take import Take
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing
 from rsvideo.shooting.timing import Sources
+from rsvideo.video.decode import OnDamage
+from rsvideo.video.stream import Stream
 
 FRAMES = 40  # from the middle of what is restored
+USUAL_FOCAL = 0.85  # of the longer side: most phones and cameras have 0.7 to 1.0
 DECIMALS = 6  # of seconds, so that a clip that is measured again gives the same
 _ASSUMED = 0.5  # of a frame's period: the exposure and the readout with which points are followed until both are measured
 
@@ -32,6 +37,20 @@ def needed(given: Stated, sources: Sources) -> bool:
 def _readout_unknown(given: Stated, sources: Sources) -> bool:
     readout, _ = timing.readout_of(given, sources)
     return readout is None or readout.within == (0.0, readout.value)
+
+
+def of_take(take: Take, given: Stated, first: int, last: int, on_damage: OnDamage = "fail") -> Measured | None:
+    """What the frames [first, last) of a clip show of its shutter; None where all is stated and nothing is to be checked."""
+    assert isinstance(take.source, Stream)
+    if not needed(given, take.shutter):
+        return None
+    begin = max(first, (first + last - FRAMES) // 2)
+    shown = clip_frames.decoded(take.source, begin, min(last, begin + FRAMES), on_damage=on_damage)
+    lens = take.profile.intrinsics if take.profile else None
+    focal = given.focal_px or (
+        lens.fx if lens else take.focal.value if take.focal else USUAL_FOCAL * max(take.source.rows, take.source.cols)
+    )
+    return measured(shown, given, take.shutter, focal)
 
 
 def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: float) -> Measured:

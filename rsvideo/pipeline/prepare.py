@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from rsvideo.video.stream import Stream
 
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
-USUAL_FOCAL = 0.85  # of the longer side: most phones and cameras have 0.7 to 1.0
 _WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
 _NO_SHUTTER = Camera(exposure=1e-3, readout=0.0)  # of the method none, which does not use it
@@ -160,17 +159,9 @@ def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Re
     if not request.is_clip or not ours or isinstance(opened.source, Still):
         return request, opened
     if request.measured is None:
-        from rsvideo.pipeline import clip_frames, measuring
+        from rsvideo.pipeline import measuring
 
-        if not measuring.needed(request.camera, opened.shutter):
-            return request, opened
-        begin = max(first, (first + last - measuring.FRAMES) // 2)
-        shown = clip_frames.decoded(opened.source, begin, min(last, begin + measuring.FRAMES), on_damage=request.input.on_damage)
-        lens = opened.profile.intrinsics if opened.profile else None
-        focal = request.camera.focal_px or (
-            lens.fx if lens else opened.focal.value if opened.focal else USUAL_FOCAL * max(opened.shutter.rows, opened.shutter.cols)
-        )
-        request = request.replaced(measured=measuring.measured(shown, request.camera, opened.shutter, focal))
+        request = request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
     return request, replace(opened, shutter=replace(opened.shutter, measured=request.measured))
 
 
@@ -265,6 +256,8 @@ def camera_of(
     elif shift or not request.deblur.method.needs_lens:
         focal, source = float(longer), "assumed"  # a shift does not depend on it
     elif request.is_clip:
+        from rsvideo.pipeline.measuring import USUAL_FOCAL
+
         focal, source = USUAL_FOCAL * longer, "assumed"
         notes = (f"focal length {focal:.0f} px is assumed, {USUAL_FOCAL:g} of the longer side: roll depends on it; --focal-px states it",)
     else:

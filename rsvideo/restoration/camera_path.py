@@ -3,7 +3,7 @@
 A point tracked from one frame to the next observes the mean pose over one scanline's exposure against that over another's,
 each at its own time: linear in the path's coefficients. What the scene's depth adds to that is smooth over the picture and alike from
 pair to pair. As a path it would be a wobble that repeats in every frame and grows towards both ends of the run. So each pair has a
-quadratic field of its own beside the path, whose spread over all pairs is estimated with it (expectation maximisation).
+quadratic field of its own beside the path. The fields' mean and spread over all pairs are estimated too (expectation maximisation).
 """
 
 from collections.abc import Sequence
@@ -93,18 +93,20 @@ def follow(
     prior = about.precision if about else pieces.precision(first)
     mean, precision = path.coefficients.ravel(), prior
     variance = np.full(2 * len(FIELD), FIELD_REACH**2)
+    common = np.zeros(len(variance))
     fields = [np.zeros(len(variance)) for _ in pairs]
     for _ in range(ROUNDS):
         precision, right = prior.copy(), prior @ mean
-        systems = [pair.system(path.coefficients, field, variance) for pair, field in zip(pairs, fields, strict=True)]
+        systems = [pair.system(path.coefficients, field, common, variance) for pair, field in zip(pairs, fields, strict=True)]
         for system in systems:
             precision += system.precision
             right += system.right
         path = path.with_coefficients(np.linalg.solve(precision, right).reshape(path.coefficients.shape))
         if systems:
-            fields = [system.field(path.coefficients) for system in systems]
+            fields = [common + system.deviation(path.coefficients) for system in systems]
+            common = np.mean(fields, axis=0)
             covariance = np.linalg.inv(precision)
-            spreads = [field**2 + system.field_variance(covariance) for field, system in zip(fields, systems, strict=True)]
+            spreads = [(field - common) ** 2 + system.field_variance(covariance) for field, system in zip(fields, systems, strict=True)]
             variance = np.mean(spreads, axis=0) + LEAST_FIELD**2
         if not about:
             prior = pieces.precision(_reaches(path, pieces.begins, timing))
@@ -212,15 +214,20 @@ class _Pair:
         return self.moved - np.einsum("nca,nt,ta->nc", self.levers, self.design, coefficients)
 
     def system(
-        self, coefficients: Float[np.ndarray, "terms axes"], field: Float[np.ndarray, " fields"], variance: Float[np.ndarray, " fields"]
+        self,
+        coefficients: Float[np.ndarray, "terms axes"],
+        field: Float[np.ndarray, " fields"],
+        common: Float[np.ndarray, " fields"],
+        variance: Float[np.ndarray, " fields"],
     ) -> "_System":
-        """The pair's equations without its field, each point weighted by how well path and field explain it (Cauchy's weights)."""
+        """The pair's equations without its field, which lies about the `common` one; points weigh by how well they fit (Cauchy)."""
         size = np.linalg.norm(self.residual(coefficients) - self.fields @ field, axis=1)
         scale = max(float(np.median(size)), TRACKED)
         weight = 1 / (1 + (size / (OUTLIER * scale)) ** 2) / scale**2
         weight *= min(1.0, INDEPENDENT / len(weight))
         path = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(2 * len(weight), -1)
-        beside, moved = self.fields.reshape(len(path), -1), self.moved.ravel()
+        beside = self.fields.reshape(len(path), -1)
+        moved = self.moved.ravel() - beside @ common
         weighted = beside.T * np.repeat(weight, 2)
         covariance = np.linalg.inv(np.diag(1 / variance) + weighted @ beside)
         across, by_field = weighted @ path, weighted @ moved
@@ -244,8 +251,8 @@ class _System:
     across: Float[np.ndarray, "fields unknowns"]
     by_field: Float[np.ndarray, " fields"]
 
-    def field(self, coefficients: Float[np.ndarray, "terms axes"]) -> Float[np.ndarray, " fields"]:
-        """The likeliest field beside a path, px."""
+    def deviation(self, coefficients: Float[np.ndarray, "terms axes"]) -> Float[np.ndarray, " fields"]:
+        """Of the likeliest field beside a path from the common one, px."""
         return self.covariance @ (self.by_field - self.across @ coefficients.ravel())
 
     def field_variance(self, covariance: Float[np.ndarray, "unknowns unknowns"]) -> Float[np.ndarray, " fields"]:

@@ -22,7 +22,7 @@ from rsvideo.restoration.verdict import longest
 
 RATIO = 1.12  # from one exposure that is tried to the next
 ACROSS_DIP = 2  # such ratios are a: 1.25, about how wide the dip is
-SHORTEST = 1 / 16  # of a frame's period, the shortest exposure that is told: blur of shorter ones is hardly ever visible
+SHORTEST = 1 / 16  # of a frame's period, the shortest exposure that is answered: blur of shorter ones is hardly ever visible
 FRAMES = 8  # with most motion, from whose blur the exposure is measured
 FEWEST = 3  # of them
 LARGEST = 720  # px, the longer side from which on frames are halved
@@ -61,16 +61,16 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     if len(tried) <= 2 * ACROSS_DIP:
         return Unclear(reason="its motion leaves too little blur")
     dips = _dips(np.array([[_cost(run, path, k, e) for e in tried] for k in frames]))
-    told = tried[ACROSS_DIP:-ACROSS_DIP]
+    inner = tried[ACROSS_DIP:-ACROSS_DIP]
     mean = dips.mean(axis=0)
     best = int(np.argmax(mean))
     error = float(dips[:, best].std(ddof=1)) / np.sqrt(len(frames))
-    others = np.abs(np.arange(len(told)) - best) > ACROSS_DIP + 1
+    others = np.abs(np.arange(len(inner)) - best) > ACROSS_DIP + 1
     if mean[best] < CERTAIN * error or (others.any() and mean[best] < ALONE * mean[others].max()):
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others")
     rng = np.random.default_rng(0)
-    drawn = [_highest(told, dips[rng.integers(0, len(frames), len(frames))].mean(axis=0)) for _ in range(RESAMPLED)]
-    found = _highest(told, mean)
+    drawn = [_highest(inner, dips[rng.integers(0, len(frames), len(frames))].mean(axis=0)) for _ in range(RESAMPLED)]
+    found = _highest(inner, mean)
     return Exposure(value=found, deviation=float(np.std(drawn)), blur=float(np.interp(found, tried, blur)))
 
 
@@ -106,15 +106,15 @@ def _small(scene: Scene) -> Scene:
     return scene
 
 
-def _dips(costs: Float[np.ndarray, "frames tried"]) -> Float[np.ndarray, "frames told"]:
+def _dips(costs: Float[np.ndarray, "frames tried"]) -> Float[np.ndarray, "frames inner"]:
     """s_k(e), at all exposures but the outermost."""
     return (costs[:, : -2 * ACROSS_DIP] + costs[:, 2 * ACROSS_DIP :]) / 2 - costs[:, ACROSS_DIP:-ACROSS_DIP]
 
 
-def _highest(told: Float[np.ndarray, " told"], dip: Float[np.ndarray, " told"]) -> float:
+def _highest(inner: Float[np.ndarray, " inner"], dip: Float[np.ndarray, " inner"]) -> float:
     """Where a parabola through the largest dip and its neighbours, over the exposure's logarithm, is highest."""
     k = int(np.argmax(dip))
     if k in (0, len(dip) - 1):
-        return float(told[k])
+        return float(inner[k])
     left, middle, right = dip[k - 1 : k + 2]
-    return float(told[k] * RATIO ** (0.5 * (left - right) / (left - 2 * middle + right)))
+    return float(inner[k] * RATIO ** (0.5 * (left - right) / (left - 2 * middle + right)))
