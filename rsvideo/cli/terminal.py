@@ -3,6 +3,7 @@
 import io
 import os
 import sys
+from typing import TextIO
 
 from rsvideo.config.printable import printable
 
@@ -22,16 +23,22 @@ def guard() -> None:
 
     Bars, which move the cursor, draw on `sys.__stderr__`, and have to write out themselves what is not theirs.
     """
-    sys.stdout, sys.stderr = (
-        _Printable(
-            open(number, "wb", closefd=False),  # noqa: SIM115 # as long as the process lives
-            encoding=stream.encoding,
-            errors="backslashreplace",
-            line_buffering=stream.line_buffering,
-            write_through=stream.write_through,
-        )
-        for number, stream in ((1, sys.stdout), (2, sys.stderr))
-        if isinstance(stream, io.TextIOWrapper)
+    sys.stdout, sys.stderr = _guarded(1, sys.stdout), _guarded(2, sys.stderr)
+
+
+def _guarded(number: int, stream: TextIO | None) -> TextIO:
+    """The stream of a descriptor, guarded; one that was closed before the command began leads nowhere, and no file gets its number."""
+    if stream is None:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+        return open(number, "w", encoding="utf-8", closefd=False)
+    if not isinstance(stream, io.TextIOWrapper):
+        return stream
+    return _Printable(
+        open(number, "wb", closefd=False),
+        encoding=stream.encoding,
+        errors="backslashreplace",
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
     )
 
 

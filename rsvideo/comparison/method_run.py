@@ -19,7 +19,6 @@ from rsvideo.progress import Observer, Progress
 
 _EVERY = 0.1  # seconds between two reports on the work
 RUNNING = 0.9  # of a comparison's work, as its progress counts it; measuring is the rest; origin: by trial
-_GRACE = 5  # seconds in which a process whose answer has come may end by itself
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,7 +135,7 @@ def _note(order: Order, run: MethodRun) -> None:
 
 def _ended(connection: Connection, child: BaseProcess) -> None:
     connection.close()
-    child.join(_GRACE)
+    child.join(processes.GRACE)
     child.kill()
     child.join()
 

@@ -17,7 +17,7 @@ from rsvideo.config.placing import SIGNALS
 _ONE_EACH = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # threads of libraries would multiply with numba's
 
 _SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # no module is taken from the current folder, where anything may lie
-_GRACE = 5  # seconds in which a process whose pipe is closed may end by itself
+GRACE = 5  # seconds in which a process that has no more to do may end by itself
 
 
 def cores() -> int:
@@ -49,7 +49,7 @@ def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool)
 
 def death(process: BaseProcess) -> str:
     """How a process ended that has reported nothing more; one that goes on all the same is killed."""
-    process.join(_GRACE)
+    process.join(GRACE)
     process.kill()
     process.join()
     code = process.exitcode or 0

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from rsvideo.config.quantity import FASTEST_RATE, HAND_HELD_LIMIT
+from rsvideo.physics import noise
 from rsvideo.physics.camera import MOST_FOCAL_PX
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
@@ -154,6 +155,11 @@ class Noise(_Part):
     read: NotNegative
     shot: NotNegative
     found: Found | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> "Noise":
+        noise.Noise(read=self.read.value, shot=self.shot.value)  # which says what a noise cannot be
+        return self
 
 
 class CameraProfile(_Part):

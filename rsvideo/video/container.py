@@ -15,7 +15,7 @@ import numpy as np
 from rsvideo.config.files import UnreadableError, opened
 
 _MOST_HEADER = 500_000_000  # bytes of MP4's index
-_MOST_PARTS = 2_000_000  # of the outermost level; a fragment a second over a day is 200 thousand
+_MOST_PARTS = 2_000_000  # boxes or elements; a fragment a second over a day is 200 thousand of the outermost
 _EBML = b"\x1aE\xdf\xa3"
 _BOXES = {b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot"}
 _SEGMENT, _CLUSTER, _CRC = b"\x18S\x80g", b"\x1fC\xb6u", b"\xbf\x84"  # the last with its length of 4 bytes
@@ -61,7 +61,7 @@ def _check_boxes(path: Path, file: BinaryIO, size: int) -> None:
     """Every box of the outermost level must end within the file."""
     at, kinds, parts = 0, set(), 0
     while at + 8 <= size:
-        parts = _counted(path, parts)
+        parts = counted(path, parts)
         file.seek(at)
         length, kind, longer = struct.unpack(">I4sQ", file.read(16).ljust(16, b"\0"))
         kinds.add(kind)
@@ -77,7 +77,7 @@ def _check_boxes(path: Path, file: BinaryIO, size: int) -> None:
         raise UnreadableError(f"{path} is cut short: it has no index ('moov' box); was the recording interrupted?")
 
 
-def _counted(path: Path, parts: int) -> int:
+def counted(path: Path, parts: int) -> int:
     """One part more; refused where there are more than any recording has."""
     if parts == _MOST_PARTS:
         raise UnreadableError(f"{path} is damaged: it must hold at most {_MOST_PARTS} parts")
@@ -88,7 +88,7 @@ def _check_segment(path: Path, file: BinaryIO, size: int) -> None:
     """The parts of a Matroska file must be elements that Matroska defines, and end where the next begins; a checksum must match."""
     at, end, inside, parts = 0, size, False, 0
     while at < end:
-        parts = _counted(path, parts)
+        parts = counted(path, parts)
         file.seek(at)
         kind, length, head = _element(file.read(12))
         if kind is None or (inside and kind not in _LEVEL_1):

@@ -14,6 +14,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.quantity import FASTEST_RATE
 from rsvideo.stills.codes import check_pixels
 from rsvideo.stills.ffmpeg import watched
 from rsvideo.video import container, tags
@@ -23,7 +24,7 @@ from rsvideo.video.stream import Stream, Track
 MOST_PIXELS = 100_000_000  # of a picture of a clip: cameras film 12288 x 6480 at most
 _SLACK, _SLACK_OF_FILE = 0.1, 0.5  # seconds by which a header may promise more than is there: of a track, and of all tracks together
 _LONGEST_S = 10_000_000  # seconds, 115 days
-_RATES = Fraction(1, 100_000), 10_000  # pictures a second
+_SLOWEST_RATE = Fraction(1, 100_000)  # pictures a second: one a day
 _CARRIED = {"gpmd"}  # data that writers of MP4 know: GoPro's sensors
 
 
@@ -85,9 +86,9 @@ def _rate(path: Path, video: VideoStream, times: np.ndarray, end: int) -> Fracti
     rate = (
         video.average_rate or video.guessed_rate or (Fraction(len(times)) / ((end - begin) * base) if end > begin and base else Fraction(0))
     )
-    if not _RATES[0] <= rate <= _RATES[1]:
+    if not _SLOWEST_RATE <= rate <= FASTEST_RATE:
         raise UnreadableError(
-            f"{path} must show {_RATES[0]} to {_RATES[1]} pictures a second, it says {float(rate):.5g}; is its header damaged?"
+            f"{path} must show {_SLOWEST_RATE} to {FASTEST_RATE} pictures a second, it says {float(rate):.5g}; is its header damaged?"
         )
     return rate
 

@@ -7,12 +7,11 @@ from typing import BinaryIO
 
 import numpy as np
 
-from rsvideo.config.files import UnreadableError
-from rsvideo.config.files import opened as opened_file
+from rsvideo.config.files import UnreadableError, opened
+from rsvideo.video.container import counted
 
 MOST_SAMPLES = 20_000_000  # of a track of pictures: 92 hours at 60 a second
 _MOST_A_BYTE = 64  # samples of sound that a byte can stand for, as the most thrifty codecs have it
-_MOST_BOXES = 2_000_000  # a fragment a second over a day is 200 thousand
 _NESTS = {b"moov", b"trak", b"mdia", b"minf", b"stbl", b"moof", b"traf"}
 _DEEPEST = 8  # boxes within each other; five are usual
 _TABLES = {b"stsz", b"stz2", b"stsc", b"stco", b"co64", b"hdlr"}
@@ -21,10 +20,10 @@ _MOST_TABLE = 400_000_000  # bytes
 
 def check(path: Path) -> None:
     """Refuse a file whose tables promise more samples than it has room for; UnreadableError."""
-    with opened_file(path) as file:
+    with opened(path) as file:
         size = file.seek(0, 2)
         fragmented, tables = 0, dict[bytes, bytes]()
-        for kind, at, length in _boxes(file, size):
+        for kind, at, length in _boxes(path, file, size):
             if kind == b"trak":
                 _check_track(path, tables, size)
                 tables = {}
@@ -60,7 +59,7 @@ def _in_chunks(tables: dict[bytes, bytes]) -> int:
     return int(min(held.astype(float).sum(), 2.0**62))
 
 
-def _boxes(file: BinaryIO, size: int) -> Iterator[tuple[bytes, int, int]]:
+def _boxes(path: Path, file: BinaryIO, size: int) -> Iterator[tuple[bytes, int, int]]:
     """Kind, first byte and length of the body of every box, each before those within it."""
     open_boxes, at, passed = [size], 0, 0
     while open_boxes:
@@ -72,14 +71,12 @@ def _boxes(file: BinaryIO, size: int) -> Iterator[tuple[bytes, int, int]]:
         if extent < head:
             at = open_boxes.pop()
             continue
-        passed += 1
-        if passed > _MOST_BOXES:
-            raise ValueError(f"is damaged: it must hold at most {_MOST_BOXES} boxes")
+        passed = counted(path, passed)
         end = min(at + extent, open_boxes[-1])
         yield kind, at + head, end - at - head
         if kind in _NESTS:
             if len(open_boxes) > _DEEPEST:
-                raise ValueError(f"is damaged: its boxes are nested more than {_DEEPEST} deep")
+                raise UnreadableError(f"{path} is damaged: its boxes are nested more than {_DEEPEST} deep")
             open_boxes.append(end)
             at += head
         else:

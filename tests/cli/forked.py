@@ -33,6 +33,7 @@ _WITHIN_FUNCTIONS = (
     "matplotlib.backends.backend_agg",
     "rich.console",
     "rich.progress",
+    "rich.table",
     "tifffile",
     "typer",
     "yaml",
@@ -81,7 +82,7 @@ def _end(server: subprocess.Popen[bytes]) -> None:
 
 def _serve() -> None:
     """Fork for each request; answer with the process's number, and when it has ended with its exit code."""
-    _import_libraries()
+    import_libraries(but=_LATER)
     gc.freeze()  # else each forked process would sweep, and so copy, all that was imported when it ends
     while line := sys.stdin.buffer.readline():
         request = json.loads(line)
@@ -92,10 +93,11 @@ def _serve() -> None:
         os.write(1, b"%d\n" % os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
 
 
-def _import_libraries() -> None:
+def import_libraries(*, but: tuple[str, ...] = ()) -> None:
+    """Import the project, but for some rooms, and the libraries that its functions import."""
     for package in ("rsvideo", "calibration"):
         for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-            if not module.name.startswith(_LATER):
+            if not module.name.startswith(but) and not module.name.endswith("__main__"):
                 importlib.import_module(module.name)
     for name in _WITHIN_FUNCTIONS:
         importlib.import_module(name)

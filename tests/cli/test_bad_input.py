@@ -16,6 +16,7 @@ import tifffile
 from PIL import Image
 
 from tests.cli.conftest import STAND_IN, Run
+from tests.cli.forked import INSTALLED
 
 GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", "100")
 
@@ -299,3 +300,12 @@ def test_control_characters_of_names_do_not_reach_the_terminal(rsvideo: Run, tmp
         assert told.returncode == 3
         assert (told.stdout + told.stderr).replace("\n", "").isprintable()
         assert "x1b[31mred" in told.stderr
+
+
+def test_streams_that_are_closed_stop_nothing_and_no_file_gets_their_numbers(photograph: Path) -> None:
+    output = photograph.with_name("out.png")
+    words = ["deblur", photograph, "-o", output, *GOOD, "--method", "none"]
+    done = subprocess.run(["/bin/sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", INSTALLED, *words], check=False)
+    assert done.returncode == 0
+    with Image.open(output) as picture:
+        picture.load()

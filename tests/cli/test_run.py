@@ -277,9 +277,8 @@ def test_the_number_of_workers_changes_no_byte(job: Path, whole: dict[str, bytes
     assert results(job) == whole
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_job_killed_at_random_moments_ends_as_if_it_had_not_been(job: Path, whole: dict[str, bytes], seed: int) -> None:
-    chance = random.Random(seed)
+def test_a_job_killed_at_random_moments_ends_as_if_it_had_not_been(job: Path, whole: dict[str, bytes]) -> None:
+    chance = random.Random(1)
     kept = 0
     for round_ in range(2):
         tally = job.with_name(f"tally{round_}")
@@ -376,17 +375,6 @@ def test_a_fresh_start_forgets_what_was_done(job: Path) -> None:
     assert tally.read_text().count("\n") == CHUNKS
 
 
-def test_a_damaged_ledger_is_begun_anew(job: Path, whole: dict[str, bytes]) -> None:
-    assert call("run", job, KILLED=AT_LAST).returncode == 1
-    (ledger,) = (job.parent / "restored").rglob("ledger.sqlite")
-    ledger.write_bytes(b"this is no ledger" * 1000)
-    done = call("run", job)
-    assert done.returncode == 0, done.stderr
-    assert "damaged" in done.stderr
-    assert done.stderr.count("is done already") == 2
-    assert results(job) == whole
-
-
 def test_a_worker_that_dies_is_replaced_and_its_chunk_tried_once_more(job: Path, whole: dict[str, bytes]) -> None:
     done = call("run", job, "-j", 2, KILLED_ONCE=job.with_name("killed"))
     assert done.returncode == 0, done.stderr
@@ -422,29 +410,6 @@ def test_a_full_disk_ends_the_run_and_keeps_what_is_done(job: Path, whole: dict[
     assert done.stderr.count("\n") == 1
     assert call("run", job).returncode == 0
     assert results(job) == whole
-
-
-@pytest.mark.parametrize("filled", [80, 96, 124])
-def test_a_file_system_that_is_full_keeps_what_is_done(job: Path, whole: dict[str, bytes], filled: int) -> None:
-    small = job.parent / "restored"
-    small.mkdir()
-    if (
-        os.getuid()
-        or subprocess.run(["mount", "-t", "tmpfs", "-o", "size=128k", "tmpfs", small], check=False, capture_output=True).returncode
-    ):
-        pytest.skip("a small file system can be mounted by root only")
-    try:
-        (small / "other").write_bytes(bytes(1000 * filled))
-        done = call("run", job)
-        assert done.returncode == 1
-        assert "No space left" in done.stderr
-        assert "Traceback" not in done.stderr
-        (small / "other").unlink()
-        done = call("run", job)
-        assert done.returncode == 0, done.stderr
-        assert results(job) == whole
-    finally:
-        subprocess.run(["umount", small], check=True)
 
 
 def files_of_at_most_2000_bytes() -> None:

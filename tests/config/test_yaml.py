@@ -113,8 +113,8 @@ def test_all_faults_are_kept_and_the_first_is_told(tmp_path: Path) -> None:
         ('a: "\\UFFFFFFFF"\n', "settings.yaml must be YAML"),
         ("a: \x00\n", "settings.yaml must be YAML"),
         (b"\xff\xd8\xff\xe0", "settings.yaml must be text in UTF-8, byte 0 is not"),
-        ("- 1\n", "settings.yaml:1: input should be"),
-        ("just a word\n", "settings.yaml:1: input should be"),
+        ("- 1\n", "settings.yaml:1: must be a mapping of keys"),
+        ("just a word\n", "settings.yaml:1: must be a mapping of keys"),
     ],
 )
 def test_what_cannot_be_meant_or_could_harm_is_refused(tmp_path: Path, text: str | bytes, line: str) -> None:

@@ -6,9 +6,7 @@ Starting Python anew for each of thousands of cases would take hours; a worker i
 import contextlib
 import gc
 import hashlib
-import importlib
 import os
-import pkgutil
 import re
 import resource
 import shutil
@@ -22,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from tests.cli import forked
 from tests.robustness import readers
 from tests.robustness.case import Case, Fault
 
@@ -51,20 +50,7 @@ class Answer:
 def prepared() -> None:
     """Import what the command needs, and let it make once what it keeps, before forking."""
     os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")} | {"OPENCV_LOG_LEVEL": "SILENT"}
-    for package in ("rsvideo", "calibration"):
-        for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-            if not module.name.endswith("__main__"):
-                importlib.import_module(module.name)
-    for name in (
-        "matplotlib.backends.backend_agg",
-        "matplotlib.figure",
-        "rich.console",
-        "rich.progress",
-        "rich.table",
-        "tifffile",
-        "PIL.Image",
-    ):
-        importlib.import_module(name)
+    forked.import_libraries()
     from rsvideo.cli import app
 
     with tempfile.TemporaryDirectory() as folder, contextlib.suppress(ValueError):  # there is no such clip
