@@ -38,7 +38,7 @@ class Track:
             `tied` is False.
         tied: (frames,) whether points lead to the next frame; False at cuts, and of the last.
         errors: (frames,) how far points depart from the path in one exposure, px. Each frame is restored as far as it bears that out.
-            None for a motion that is known, which is followed as it is.
+            None for a motion that is given, which is followed as it is.
         times: (frames,) seconds at which each frame's first row opens, counted from the first frame's.
         timing: The shutter of every frame.
         camera: The lens in pixels.

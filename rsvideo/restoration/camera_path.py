@@ -32,7 +32,7 @@ FIRST_REACH = 8.0  # px a frame's interval, by which the camera is believed to m
 LEAST_REACH = 4.0  # px a frame's interval, the least that the prior believes after that; origin: by trial
 NEIGHBOURS = 5  # pieces, half a frame's interval apart, whose median speed one piece is believed to have
 OUTLIER = 2.0  # times the typical residual, at which a point counts half (Cauchy's weights)
-FIELD = ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2))  # powers of x and y, from the picture's centre, in halves of its longer side
+FIELDS = 9  # vector fields that are quadratic in the place, but for shifts and roll, which are the camera's
 FREE = 1e-6  # precision of every coefficient, in 1 / px^2: a spread of 1000 px, so that where the path begins is free
 _FIT_POINTS = 4  # for each coefficient of a frame's polynomial, at which it is fitted to the spline; origin: by trial
 _SPEED_POINTS = 9  # of the window in which a path's speed is measured; origin: by trial
@@ -92,7 +92,7 @@ def follow(
     first = np.full(len(pieces.begins), FIRST_REACH * timing.exposure / timing.interval[1])
     prior = about.precision if about else pieces.precision(first)
     mean, precision = path.coefficients.ravel(), prior
-    variance = np.full(2 * len(FIELD), FIELD_REACH**2)
+    variance = np.full(FIELDS, FIELD_REACH**2)
     common = np.zeros(len(variance))
     fields = [np.zeros(len(variance)) for _ in pairs]
     for _ in range(ROUNDS):
@@ -183,7 +183,7 @@ class _Pair:
 
     design: Float[np.ndarray, "points terms"]  # of the mean pose at the second sight, less that at the first
     levers: Float[np.ndarray, "points 2 axes"]
-    fields: Float[np.ndarray, "points 2 fields"]  # what the scene's depth may add: quadratic polynomials of the place, for x and for y
+    fields: Float[np.ndarray, "points 2 fields"]  # what the scene's depth may add
     elapsed: Float[np.ndarray, " points"]  # s, from the middle of the first sight's exposure to that of the second
     moved: Float[np.ndarray, "points 2"]
 
@@ -247,7 +247,7 @@ class _System:
 
     precision: Float[np.ndarray, "unknowns unknowns"]
     right: Float[np.ndarray, " unknowns"]
-    covariance: Float[np.ndarray, "fields fields"]  # of the field, if the path is known
+    covariance: Float[np.ndarray, "fields fields"]  # of the field, for a given path
     across: Float[np.ndarray, "fields unknowns"]
     by_field: Float[np.ndarray, " fields"]
 
@@ -262,11 +262,13 @@ class _System:
 
 
 def _fields(camera: Camera, points: Float[np.ndarray, "points 2"]) -> Float[np.ndarray, "points 2 fields"]:
-    """FIELD's polynomials at each point, for x and for y by themselves."""
+    """The vector fields at each point; places are from the picture's centre, in halves of its longer side."""
     lens = camera.intrinsics
     x, y = ((points - (lens.cx, lens.cy)) / (max(lens.rows, lens.cols) / 2)).T
-    powers = np.stack([x**i * y**j for i, j in FIELD], axis=1)
-    return np.kron(np.eye(2)[None], powers[:, None])
+    bent, none = [x * x, x * y, y * y], 0 * x
+    sideways = [x, x, y, *bent, none, none, none]  # zoom, two kinds of shear, and curvature
+    down = [y, -y, x, none, none, none, *bent]
+    return np.stack([np.stack(sideways, axis=1), np.stack(down, axis=1)], axis=1)
 
 
 def _pairs(tracks: Sequence[Tracks], begins: np.ndarray, backwards: Sequence[int], camera: Camera, path: Spline) -> list[_Pair]:

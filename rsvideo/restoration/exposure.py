@@ -1,6 +1,6 @@
 """How long the frames of a clip were exposed: the extent of their blur, against the speed that points between them show.
 
-The path C through the frames is known from points. Blur shows how much of it one exposure covers. With the path cut to exposures of
+Points between the frames give the path C through them. Blur shows how much of it one exposure covers. With the path cut to exposures of
 length e about the same middles, f_k(C, e), the sparsity of frame k's latent image (restoration.sparsity), rises with e whatever the
 truth is, for latent images lose edges to any blur; at the true exposure, and only there, it has a dip:
 

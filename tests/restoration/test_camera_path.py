@@ -128,3 +128,27 @@ def test_a_point_that_moves_by_itself_leaves_that_motion_and_the_others_nothing(
         assert np.abs(others).max() < 0.12  # of the linear model, over steps of up to 15 px
         np.testing.assert_allclose(moved[walker], speed * elapsed[walker], atol=0.12)
         assert np.linalg.norm(moved[walker]) > 0.8
+
+
+def test_depth_that_lasts_is_no_wobble_of_the_path() -> None:
+    true = sway(3)
+
+    def nearer_below(points: np.ndarray) -> np.ndarray:  # what moves sideways past the camera moves more, the nearer it is
+        return np.stack([3.0 * (points[:, 1] / CAMERA.rows) ** 2, np.zeros(len(points))], axis=1)
+
+    tracks = [replace(pair, after=pair.after + nearer_below(pair.after)) for pair in exact(true)]
+    found = follow(tracks, BEGINS, TAKEN, 3).spline
+    inside = np.linspace(*TIMING.interval, 9)
+    for begin in BEGINS[[0, -1]]:
+        difference = (found.at(begin + inside) - true.at(begin + inside))[:, :2]
+        assert np.ptp(difference, axis=0).max() < 2.0
+
+
+def test_no_part_of_a_path_is_without_a_prior() -> None:
+    rng = np.random.default_rng(0)
+    x, y = np.meshgrid(np.linspace(5, 155, 14), np.linspace(5, 115, 12))
+    points = np.stack([x.ravel(), y.ravel()], axis=1)
+    tracks = [Tracks(before=points, after=points + rng.normal(0, 0.2, points.shape)) for _ in BEGINS[:-1]]
+    found = follow(tracks, BEGINS, TAKEN, 3).spline
+    reach = [np.ptp(within(found, float(t), TIMING).at(np.linspace(*TIMING.interval, 17))[:, :2], axis=0).max() for t in BEGINS]
+    assert max(reach) < 1.0

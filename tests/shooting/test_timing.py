@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsvideo.config.request import Camera
+from rsvideo.config.request import Camera, Measured
 from rsvideo.physics.shutter import Direction
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import Readout
-from rsvideo.shooting.timing import Sources, readout_of, resolve
+from rsvideo.shooting.timing import Sources, exposure_of, readout_of, resolve
 
 TABLE = Readout(median=0.014, low=0.013, high=0.016, n=7, direction=Direction.TOP_TO_BOTTOM, mode="640 x 480 at 25 fps")
 STATED = Sources(
@@ -178,3 +178,38 @@ def test_the_direction_has_its_own_first_source() -> None:
 
 def test_nothing_is_asked_of_a_photograph_that_says_nothing() -> None:
     assert readout_of(Camera(), Sources(rows=4, cols=4)) == (None, ())
+
+
+MEASURED = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, readout=0.016))
+
+
+def test_what_nobody_states_is_measured() -> None:
+    found = resolve(Camera(), MEASURED)
+    assert (found.exposure.value, found.readout.value) == (0.004, 0.016)
+    assert found.exposure.source == "measured from the clip's blur"
+    assert found.exposure.within == pytest.approx((0.0036, 0.0044))
+
+
+def test_what_cannot_be_measured_is_assumed_short() -> None:
+    found = resolve(Camera(), replace(NOTHING, measured=Measured(unclear=("too little blur",))))
+    assert (found.exposure.value, found.readout.value) == (0.01, 0.02)
+    assert all(fact.source.startswith("assumed") for fact in (found.exposure, found.readout))
+
+
+@pytest.mark.parametrize(("stated", "words"), [(0.02, "5 times shorter than an exposure of 1/50 s"), (0.0008, "5 times longer")])
+def test_an_exposure_that_the_blur_contradicts_is_not_taken(stated: float, words: str) -> None:
+    found, (note,) = exposure_of(Camera(exposure=stated), MEASURED)
+    assert found is not None
+    assert found.value == 0.004
+    assert words in note
+    assert "is it 1/250 s?" in note
+    forced, notes = exposure_of(Camera(exposure=stated, force=True), MEASURED)
+    assert forced is not None
+    assert (forced.value, notes) == (stated, ())
+
+
+@pytest.mark.parametrize("stated", [0.0034, 0.0045])
+def test_an_exposure_that_the_blur_bears_out_is_taken(stated: float) -> None:
+    found, notes = exposure_of(Camera(exposure=stated), MEASURED)
+    assert found is not None
+    assert (found.value, notes) == (stated, ())

@@ -1,0 +1,93 @@
+"""How sharply a path is in focus, and how far a restoration along it is followed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rsvideo.frame import Frame
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.trajectory import Trajectory, centred
+from rsvideo.restoration import exposure
+from rsvideo.restoration.camera_path import within
+from rsvideo.restoration.clip_motion import Run, gather
+from rsvideo.restoration.exposure import Exposure, Unclear
+from rsvideo.restoration.focus import focus, focus_map
+from rsvideo.restoration.scanlines import to_scanlines
+from rsvideo.restoration.scene import Scene, scene_of
+from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.trust import LONG, SHORT, trust
+from rsvideo.restoration.verdict import across, longest
+from tests.pipeline.moving import RATE, Moving
+
+MOVING = Moving(frames=8, rows=128, cols=192)
+
+
+@pytest.fixture(scope="module")
+def blurred() -> tuple[Scene, Trajectory]:
+    """A frame, and its true path as a polynomial."""
+    k = 3
+    camera = Camera(timing=MOVING.timing, intrinsics=MOVING.camera)
+    scene = scene_of(to_scanlines(MOVING.recorded[k], camera), Settings())
+    return scene, centred(within(MOVING.path, float(MOVING.begins[k]), MOVING.timing), MOVING.timing.middle)
+
+
+def test_the_true_path_is_in_focus_and_others_are_not(blurred: tuple[Scene, Trajectory]) -> None:
+    scene, true = blurred
+    sharp = focus(scene, true)[0]
+    assert sharp > 0.005
+    for other in (0.6 * true.coefficients, 1.6 * true.coefficients, across(true).coefficients):
+        assert focus(scene, true.with_coefficients(other))[0] < 0.5 * sharp
+
+
+def test_the_derivative_is_that_of_the_value(blurred: tuple[Scene, Trajectory]) -> None:
+    scene, true = blurred
+    start = true.with_coefficients(0.9 * true.coefficients)
+    start.coefficients[0] = 0
+    gradient = focus(scene, start)[1]
+    for term, axis in ((1, 0), (1, 1), (2, 0)):
+        step = np.zeros_like(start.coefficients)
+        step[term, axis] = 0.1
+        rise = focus(scene, start.with_coefficients(start.coefficients + step))[0]
+        rise -= focus(scene, start.with_coefficients(start.coefficients - step))[0]
+        assert gradient[term, axis] == pytest.approx(rise / 0.2, rel=0.3)
+
+
+def test_a_restoration_is_followed_where_its_path_is_in_focus(blurred: tuple[Scene, Trajectory]) -> None:
+    scene, true = blurred
+    length = longest(scene.camera, true)
+    assert length > LONG
+    assert trust(scene, true, length).mean() > 0.8
+    assert trust(scene, across(true), length).mean() < 0.4
+    assert not trust(scene, true, SHORT).any()
+    assert focus_map(scene, true, 32).shape == scene.frame.shape
+
+
+def test_half_a_frame_that_does_not_move_along_is_told_apart(blurred: tuple[Scene, Trajectory]) -> None:
+    scene, true = blurred
+    still = MOVING.truth[3].astype(np.float32) / 255
+    cols = scene.frame.shape[1] // 2
+    frame = scene.frame.copy()
+    frame[:, :cols] = (still[:, :cols] ** 2.2) / max(float((still**2.2).max()), 1e-6)
+    share = trust(replace(scene, frame=frame), true, longest(scene.camera, true))
+    assert share[:, : cols - 30].mean() < 0.5 * share[:, cols + 30 :].mean()
+
+
+@pytest.mark.parametrize("assumed", [0.008, 0.03])
+def test_the_exposure_of_a_clip_shows_in_its_blur(assumed: float) -> None:
+    found = exposure.measured(taken(MOVING.recorded, assumed), 1 / RATE)
+    assert isinstance(found, Exposure)
+    assert found.value == pytest.approx(MOVING.exposure, rel=0.1)
+
+
+def test_a_clip_that_hardly_moves_does_not_show_its_exposure() -> None:
+    found = exposure.measured(taken(Moving(frames=5, reach=0.5).recorded, 0.02), 1 / RATE)
+    assert isinstance(found, Unclear)
+
+
+def taken(frames: list[Frame], assumed: float) -> Run:
+    """A run of frames with an assumed exposure, whose middles are where they are."""
+    size = frames[0].pixels.shape
+    moving = Moving(frames=1, rows=size[0], cols=size[1], exposure=assumed)
+    shifted = [replace(frame, time=frame.time + (MOVING.exposure - assumed) / 2) for frame in frames]
+    return gather(iter(shifted), Camera(timing=moving.timing, intrinsics=moving.camera), Settings())
