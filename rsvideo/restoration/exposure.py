@@ -27,6 +27,7 @@ FRAMES = 8  # with most motion, from whose blur the exposure is measured
 FEWEST = 3  # of them
 LARGEST = 720  # px, the longer side from which on frames are halved
 LEAST_BLUR = 1.0  # px in the middle one of these frames; exposures that leave less are not tried, as no dip can show
+PLAIN = 3.0  # px of blur, which an answer must leave in the middle one of these frames; a shorter one's dip is uncertain
 CERTAIN = 3.0  # standard errors of the mean over frames, which the dip must exceed; origin: by trial
 ALONE = 2.5  # times the next dip, which it must exceed; origin: by trial
 RESAMPLED = 200  # times that the frames are drawn anew, for the deviation (bootstrap)
@@ -68,10 +69,13 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     others = np.abs(np.arange(len(inner)) - best) > ACROSS_DIP + 1
     if mean[best] < CERTAIN * error or (others.any() and mean[best] < ALONE * mean[others].max()):
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others")
+    found = _highest(inner, mean)
+    length = float(np.interp(found, tried, blur))
+    if length < PLAIN:
+        return Unclear(reason=f"its motion leaves too little blur, about {length:.1f} px")
     rng = np.random.default_rng(0)
     drawn = [_highest(inner, dips[rng.integers(0, len(frames), len(frames))].mean(axis=0)) for _ in range(RESAMPLED)]
-    found = _highest(inner, mean)
-    return Exposure(value=found, deviation=float(np.std(drawn)), blur=float(np.interp(found, tried, blur)))
+    return Exposure(value=found, deviation=float(np.std(drawn)), blur=length)
 
 
 def _most_moving(run: Run, path: CameraPath) -> list[int]:
