@@ -146,7 +146,7 @@ def test_a_method_that_is_not_known_is_named_with_the_one_that_was_meant(clip: P
         (("--crop", "80,8,64,32", *GOOD), 2, "crop must lie within the picture of 96 x 64 px"),
         (("--truth", "gone.mp4", *GOOD), 3, "gone.mp4"),
         (("--methods", "gyro", "--gyro", "gone.gcsv", *GOOD), 3, "gone.gcsv"),
-        (("--methods", "rsvideo"), 2, "exposure"),
+        (("--methods", "rectify"), 2, "exposure"),
         (("--set", "camera.exposure=1/50"), 2, "--set is for a job's file"),
         (("--methods", "gyro", "--gyro", "LOG", "--gyro-offset", "1000", "--gyro-axes", "XYZ", *GOOD), 2, "gyro log must cover the clip"),
     ],
