@@ -49,6 +49,7 @@ class Outcome:
     notes: tuple[str, ...]
     restored: int = 0
     left: int = 0
+    straightened: int = 0  # and not deblurred
     failed: int = 0  # frames that could not be decoded as they were meant
     seconds: float
     verdict: Verdict | None = None  # of a photograph
@@ -58,7 +59,8 @@ class Outcome:
         """In words."""
         if self.verdict is not None:
             return f"{self.verdict}, {self.seconds:.1f} s"
-        return f"{self.restored} frames restored, {self.left} left as they were, {self.failed} failed, {self.seconds:.0f} s"
+        straightened = f"{self.straightened} only straightened, " if self.straightened else ""
+        return f"{self.restored} frames restored, {straightened}{self.left} left as they were, {self.failed} failed, {self.seconds:.0f} s"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +76,7 @@ def stated(outcome: Outcome, made: Iterable[Made], mark: Mark | None) -> Written
     return Written(
         sha256={each.path.name: each.sha256 for each in made},
         restored=outcome.restored,
-        left=outcome.left,
+        left=outcome.left + outcome.straightened,
         failed=outcome.failed,
         seconds=outcome.seconds,
         notes=outcome.notes,
