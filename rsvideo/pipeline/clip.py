@@ -66,7 +66,7 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     outcome = Outcome(
         notes=notes,
         restored=verdicts[Verdict.RESTORED],
-        left=verdicts.total() - verdicts[Verdict.RESTORED] - verdicts[Verdict.STRAIGHTENED] - verdicts[Verdict.DAMAGED],
+        left=verdicts.total() - verdicts[Verdict.RESTORED] - verdicts[Verdict.DAMAGED],
         straightened=verdicts[Verdict.STRAIGHTENED],
         failed=verdicts[Verdict.DAMAGED],
         seconds=seconds,

@@ -49,7 +49,7 @@ class Outcome:
     notes: tuple[str, ...]
     restored: int = 0
     left: int = 0
-    straightened: int = 0  # and not deblurred
+    straightened: int = 0  # of those that are left: not deblurred, but straightened
     failed: int = 0  # frames that could not be decoded as they were meant
     seconds: float
     verdict: Verdict | None = None  # of a photograph
@@ -60,7 +60,8 @@ class Outcome:
         if self.verdict is not None:
             return f"{self.verdict}, {self.seconds:.1f} s"
         straightened = f"{self.straightened} only straightened, " if self.straightened else ""
-        return f"{self.restored} frames restored, {straightened}{self.left} left as they were, {self.failed} failed, {self.seconds:.0f} s"
+        untouched = f"{self.left - self.straightened} left as they were"
+        return f"{self.restored} frames restored, {straightened}{untouched}, {self.failed} failed, {self.seconds:.0f} s"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +77,7 @@ def stated(outcome: Outcome, made: Iterable[Made], mark: Mark | None) -> Written
     return Written(
         sha256={each.path.name: each.sha256 for each in made},
         restored=outcome.restored,
-        left=outcome.left + outcome.straightened,
+        left=outcome.left,
         failed=outcome.failed,
         seconds=outcome.seconds,
         notes=outcome.notes,
