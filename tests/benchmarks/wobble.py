@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import skimage.data
 
-from rsvideo.baselines.rectify import movement, rectified
+from rsvideo.baselines.rectify import movement
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro
 from rsvideo.physics.camera import Camera, Intrinsics, turned
@@ -31,6 +31,7 @@ from rsvideo.physics.trajectory import Spline, Trajectory
 from rsvideo.restoration.camera_path import follow, unexplained, within
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow, Points, flows
+from rsvideo.restoration.rectification import rectified
 from rsvideo.restoration.scanlines import path_along_scanlines, to_scanlines
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
