@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from rsvideo.restoration.camera_path import CameraPath, within
 from rsvideo.restoration.clip_motion import Run, path_from_tracks
-from rsvideo.restoration.scene import Scene, halved
+from rsvideo.restoration.scene import Scene, reduced
 from rsvideo.restoration.sparsity import value
 from rsvideo.restoration.verdict import longest
 
@@ -25,7 +25,6 @@ ACROSS_DIP = 2  # such ratios are a: 1.25, about how wide the dip is
 SHORTEST = 1 / 16  # of a frame's period, the shortest exposure that is answered: blur of shorter ones is hardly ever visible
 FRAMES = 8  # with most motion, from whose blur the exposure is measured
 FEWEST = 3  # of them
-LARGEST = 720  # px, the longer side from which on frames are halved
 LEAST_BLUR = 1.0  # px in the middle one of these frames; exposures that leave less are not tried, as no dip can show
 PLAIN = 3.0  # px of blur, which an answer must leave in the middle one of these frames; a shorter one's dip is uncertain
 CERTAIN = 3.0  # standard errors of the mean over frames, which the dip must exceed; origin: by trial
@@ -61,7 +60,8 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     tried, blur = tried[blur >= LEAST_BLUR], blur[blur >= LEAST_BLUR]
     if len(tried) <= 2 * ACROSS_DIP:
         return Unclear(reason="its motion leaves too little blur")
-    dips = _dips(np.array([[_cost(run, path, k, e) for e in tried] for k in frames]))
+    scenes = [reduced(run.scenes[k]) for k in frames]
+    dips = _dips(np.array([[_cost(run, path, k, scene, e) for e in tried] for k, scene in zip(frames, scenes, strict=True)]))
     inner = tried[ACROSS_DIP:-ACROSS_DIP]
     mean = dips.mean(axis=0)
     best = int(np.argmax(mean))
@@ -95,19 +95,12 @@ def _begins(run: Run, k: int, exposure: float) -> float:
     return float(run.begins[k]) + (run.camera.timing.exposure - float(exposure)) / 2
 
 
-def _cost(run: Run, path: CameraPath, k: int, exposure: float) -> float:
-    """f of a frame for an exposure."""
+def _cost(run: Run, path: CameraPath, k: int, scene: Scene, exposure: float) -> float:
+    """f of frame k, of which `scene` is taken, for an exposure."""
     cut = within(path.spline, _begins(run, k, exposure), replace(run.camera.timing, exposure=float(exposure)))
-    scene = _small(run.scenes[k])
     camera = replace(scene.camera, timing=replace(scene.camera.timing, exposure=float(exposure)))
     scene = replace(scene, camera=camera)
     return value(scene, cut, scene.search_ridge)
-
-
-def _small(scene: Scene) -> Scene:
-    while max(scene.frame.shape) > LARGEST:
-        scene = halved(scene)
-    return scene
 
 
 def _dips(costs: Float[np.ndarray, "frames tried"]) -> Float[np.ndarray, "frames inner"]:

@@ -25,6 +25,7 @@ RIDGE = 0.7  # rho of f over noise power / gradient power; the blurred frame kee
 LEAST_RIDGE, MOST_RIDGE = 1.5e-3, 0.1  # of rho; origin: by trial
 SEARCH_RIDGE = 3.0  # times rho, while paths are searched and judged: origin: by trial
 TEXTURE = 8.0  # times the noise's power, which a frame's gradients must exceed to show motion; origin: by trial
+LARGEST = 720  # px, the longer side up to which a scene is judged as it is; a larger one is halved
 LEAST_TEXTURE = 1e-7  # and this, white being 1
 _LEAST_POWER = 1e-12  # of gradients, white being 1; a frame without any divides by this
 
@@ -132,3 +133,10 @@ def halved(scene: Scene) -> Scene:
         noise=noise_level(frame) if scene.camera.noise is None else scene.noise / 2,  # the mean of four independent pixels
         scale=scene.scale / 2,
     )
+
+
+def reduced(scene: Scene) -> Scene:
+    """The same, halved until its longer side has at most LARGEST px."""
+    while max(scene.frame.shape) > LARGEST:
+        scene = halved(scene)
+    return scene

@@ -6,12 +6,11 @@ from jaxtyping import Float
 
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.focus import focus_map
-from rsvideo.restoration.scene import Scene, halved
+from rsvideo.restoration.scene import Scene, reduced
 
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
 OUT_OF_FOCUS, IN_FOCUS = 0.001, 0.005  # s of a region; origin: by trial
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
-LARGEST = 720  # px, the longer side from which on a frame is halved for this
 
 
 def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "rows cols"]:
@@ -19,8 +18,7 @@ def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "r
     rows, cols = scene.frame.shape
     if length <= SHORT:
         return np.zeros((rows, cols), np.float32)
-    while max(scene.frame.shape) > LARGEST:
-        scene = halved(scene)
+    scene = reduced(scene)
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))
     share = np.clip((focus - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
