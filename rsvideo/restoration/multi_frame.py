@@ -109,8 +109,8 @@ def _alone(view: View, path: Trajectory, pose: np.ndarray, error: float | None, 
     if np.mean(share) < LEAST_SHARE:
         done = replace(left, latent=straight, verdict=Verdict.STRAIGHTENED, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
-    alone = single_frame.restored(view, settings, path=path, error=error or 0.0)
     noise = single_frame.model_noise(view, error or 0.0)
+    alone = single_frame.restored(view, settings, path=path, noise=noise)
     waiting = _Waiting(restored=alone, straight=straight, share=np.float32(moved) * share, noise=noise)
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)

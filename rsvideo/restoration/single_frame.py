@@ -77,18 +77,21 @@ def restored(
     settings: Settings,
     *,
     path: Trajectory | None = None,
-    error: float = 0.0,
+    noise: float | None = None,
     start: ApproximatePath | None = None,
     estimate: Estimator = search.estimate,
     observe: Observer = ignore,
 ) -> Restored:
-    """What `restore` answers, all along the scanlines; `error` is how far a given path may be off in one exposure, px."""
+    """What `restore` answers, all along the scanlines; `noise` counts in place of the view's own, if given."""
     started, timing = time.monotonic(), view.camera.timing
     found = _found(view, settings, start, estimate, observe) if path is None else _Found(trajectory=path, verdict=Verdict.RESTORED)
     path, latent = centred(found.trajectory, timing.middle), view.pixels
     if found.verdict is Verdict.RESTORED:
         images = nonblind.deblur(
-            tiled_frame(view, path, settings), prior=settings.prior, mu=settings.final_mu, noise=model_noise(view, error)
+            tiled_frame(view, path, settings),
+            prior=settings.prior,
+            mu=settings.final_mu,
+            noise=view.noise if noise is None else noise,
         )
         for step, image in enumerate(images):
             latent, done = image, min(step / nonblind.SPLITTINGS, 1)
