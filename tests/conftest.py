@@ -1,9 +1,14 @@
 """What all tests share: shapes and types checked at every call, and the folder of external cases."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # compiled loops of two tests at a time, or of a test and its command
 # as the command has it: threads of two tests at a time would spin and starve each other; numpy reads these once, when it is imported
@@ -14,6 +19,7 @@ from jaxtyping import install_import_hook
 # an int is a float here, as PEP 484 has it; compiled kernels carry @no_type_check
 install_import_hook(["rsvideo", "calibration"], "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
 
+CHROMIUM = Path("/usr/bin/chromium")
 CHECKOUT = Path(__file__).resolve().parent.parent
 
 
@@ -37,3 +43,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if CHECKOUT / "tests" / "benchmarks" in item.path.parents:
             item.add_marker(pytest.mark.benchmark)
+
+
+@pytest.fixture(scope="module")
+def browser() -> "Iterator[Browser]":
+    """A real one, for pages of reports."""
+    from playwright.sync_api import sync_playwright
+
+    if not CHROMIUM.exists():
+        pytest.skip(f"no browser at {CHROMIUM}; apt-get install chromium")
+    with sync_playwright() as program:
+        chromium = program.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()

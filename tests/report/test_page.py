@@ -10,13 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from rsvideo.report import page
 from rsvideo.video.mosaic import Grid, Mosaic
 from tests.report.comparisons import HOSTILE, comparison
-
-CHROMIUM = Path("/usr/bin/chromium")
 
 
 def video() -> bytes:
@@ -61,16 +59,6 @@ def test_an_index_leads_to_each_page() -> None:
     html = page.index("job", [("a b", comparison()), ("c", comparison(title=HOSTILE))]).decode()
     assert 'href="a%20b/index.html"' in html
     assert "<img src=x" not in html
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser at {CHROMIUM}; apt-get install chromium")
-    with sync_playwright() as program:
-        chromium = program.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture(scope="module")

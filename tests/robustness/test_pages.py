@@ -1,17 +1,15 @@
 """Hostile names and metadata in a report, in a real browser: they stay text."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 
 from rsvideo.cli import app
 from tests.cli.test_compare import in_this_process as in_this_process
 from tests.video.clips import make
 
-CHROMIUM = Path("/usr/bin/chromium")
 _MARK = "window.hit=1"
 ATTACKS = (
     f"<img src=x onerror={_MARK}>",
@@ -27,16 +25,6 @@ ATTACKS = (
 _ELEMENTS = (
     "img[src=x], iframe, base, meta[http-equiv=refresh], svg[onload], [onfocus], [onerror], [onload], [onmouseover], a[href^=javascript]"
 )
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if not CHROMIUM.exists():
-        pytest.skip(f"no browser at {CHROMIUM}; apt-get install chromium")
-    with sync_playwright() as program:
-        chromium = program.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture
