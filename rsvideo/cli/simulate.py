@@ -1,4 +1,4 @@
-"""rsvideo simulate: one sharp photograph in, a blurred one out, and its truth."""
+"""rsvideo simulate: a sharp photograph or clip in, a blurred one out, and its truth."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 from typer import Option
 
+from rsvideo.cli import simulate_clip
+from rsvideo.cli.exit_codes import refusing
 from rsvideo.cli.options import DirectionName
 from rsvideo.cli.terminal import say
 
@@ -22,8 +24,19 @@ if TYPE_CHECKING:
 
 MOST_LOG_BYTES = 500_000_000
 
-Source = Annotated[Path, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
-Output = Annotated[Path, Option("-o", "--output", metavar="OUT", help="The blurred frame; motion.csv and case.json go beside it.")]
+Source = Annotated[Path | None, typer.Argument(metavar="[SHARP]", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
+FromClip = Annotated[
+    Path | None, Option("--from-clip", metavar="CLIP", help="Instead of a photograph: a clip of short exposures, taken as instants.")
+]
+Output = Annotated[
+    Path,
+    Option(
+        "-o",
+        "--output",
+        metavar="OUT",
+        help="The blurred frame; motion.csv and case.json go beside it. Of --from-clip: a folder for clip.mp4, truth.mp4 and case.json.",
+    ),
+]
 Exposure = Annotated[str, Option(metavar="TIME", help="How long each row collects light: 1/50, 20ms, 0.02.")]
 FocalPx = Annotated[float | None, Option(metavar="PX", help="Focal length in pixels of SHARP. [default: the profile's]")]
 Camera = Annotated[
@@ -65,13 +78,22 @@ Samples = Annotated[int, Option(min=1, max=4096, help="Time samples a row.")]
 Bits = Annotated[Literal["8", "16"] | None, Option(help="A sample of OUT. [default: as in SHARP]")]
 Curve = Annotated[Literal["srgb", "bt709", "linear"] | None, Option(help="How codes stand for light. [default: srgb]")]
 Truth = Annotated[Path | None, Option(metavar="FILE", help="The sharp frame. [default: truth beside OUT, with OUT's ending]")]
+Speed = Annotated[float | None, Option(metavar="N", help="Of --from-clip: its frames a frame, 1.5 or 3, for faster motion. [default: 1]")]
+FrameRate = Annotated[str | None, Option("--rate", metavar="FPS", help="Of --from-clip: frames a second, 30. [default: CLIP's]")]
+First = Annotated[int | None, Option(metavar="N", help="Of --from-clip: its first frame that is used. [default: 0]")]
+Frames = Annotated[int | None, Option(metavar="N", help="Of --from-clip: how many are made. [default: all, up to a cut]")]
+LargestSide = Annotated[
+    int | None, Option(metavar="PX", help="Of --from-clip: average a larger picture down to this. [default: CLIP's own]")
+]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace what stands under these names.")]
 
 
 def simulate(
-    source: Source,
+    context: typer.Context,
     output: Output,
     exposure: Exposure,
+    source: Source = None,
+    from_clip: FromClip = None,
     focal_px: FocalPx = None,
     camera: Camera = None,
     readout: Readout = None,
@@ -92,34 +114,32 @@ def simulate(
     bits: Bits = None,
     transfer: Curve = None,
     truth: Truth = None,
+    speed: Speed = None,
+    rate: FrameRate = None,
+    first: First = None,
+    frames: Frames = None,
+    largest_side: LargestSide = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Render what a rolling-shutter camera would record of a photograph, with its truth and its motion.
+    """Render what a rolling-shutter camera would record of a photograph or of a clip's scene, with its truth.
 
-    The frame is the middle of SHARP, so much smaller that its borders show real content however the camera moves.
+    Of a photograph: the frame is the middle of SHARP, so much smaller that its borders show real content however the camera moves.
     """
-    from rsvideo.cli.exit_codes import RefusedError
-    from rsvideo.config.files import UnreadableError
-    from rsvideo.physics.simulate import MOST_GAIN
     from rsvideo.physics.tone import Transfer
     from rsvideo.stills import still
 
-    truth = truth or output.with_name("truth" + output.suffix)
-    files = [output, truth, output.with_name("motion.csv"), output.with_name("case.json")]
-    try:
-        kinds = still.Format.of_output(output), still.Format.of_output(truth)
-        read = [source, *(Path(each) for each in (gyro, polynomial, camera) if each is not None and Path(each).is_file())]
-        _check_names(files, read, overwrite=overwrite)
-        if not 0 < gain <= MOST_GAIN:
-            raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
+    with refusing():
+        simulate_clip.check_options(context)
+        if source is None:
+            shutter = {"exposure": exposure, "readout": readout, "row_time": row_time, "direction": direction}
+            chosen = {"speed": speed, "first": first, "frames": frames, "largest_side": largest_side, "noise": noise, "seed": seed}
+            return simulate_clip.film(from_clip, output, shutter, rate, chosen, overwrite=overwrite)
+        files, kinds = _files(output, truth, [source, gyro, polynomial, camera], overwrite=overwrite)
         optics = _optics(camera, focal_px, readout, row_time, direction, noise)
         moved, motion_words = _motion(gyro, start, gyro_axes, polynomial, shake, seed)
         photo = still.read(source, Transfer(transfer) if transfer else None)
         staged = _staged(photo, moved, optics, exposure, size, roll=motion == "rotation", blur=blur_px)
-    except UnreadableError:
-        raise
-    except ValueError as error:
-        raise RefusedError(str(error)) from error
+        _check_gain(gain)
     rendering = _rendered(photo, staged, optics.noise, gain=gain, samples=samples, seed=seed)
     case = {"source": source.name, "motion": motion_words, "roll": motion == "rotation", "transfer": photo.transfer.value, **optics.words}
     case |= {"gain": gain, "samples": samples, "seed": seed}
@@ -238,9 +258,14 @@ def _write(
     say(f"rendered {camera.cols} x {camera.rows}, {reach:.1f} px of blur: {files[0]}")
 
 
-def _check_names(files: list[Path], read: list[Path], *, overwrite: bool) -> None:
+def _files(output: Path, truth: Path | None, read: "list[Path | str | None]", *, overwrite: bool) -> tuple[list[Path], tuple]:
+    """What is written, and the formats of the two pictures; ValueError where it may not be."""
     from rsvideo.config.placing import check
+    from rsvideo.stills import still
 
+    truth = truth or output.with_name("truth" + output.suffix)
+    kinds = still.Format.of_output(output), still.Format.of_output(truth)
+    files = [output, truth, output.with_name("motion.csv"), output.with_name("case.json")]
     if len({file.absolute() for file in files}) < len(files):
         raise ValueError(f"OUT, the truth, motion.csv and case.json need four names, got {', '.join(map(str, files))}")
     for file in files:
@@ -248,7 +273,15 @@ def _check_names(files: list[Path], read: list[Path], *, overwrite: bool) -> Non
             raise ValueError(f"the folder {file.parent} must exist; make it first, or is its name mistyped?")
         if file.is_dir():
             raise ValueError(f"{file} must be the name of a file, it is a folder")
-    check(files, read, overwrite=overwrite)
+    check(files, [Path(each) for each in read if each is not None and Path(each).is_file()], overwrite=overwrite)
+    return files, kinds
+
+
+def _check_gain(gain: float) -> None:
+    from rsvideo.physics.simulate import MOST_GAIN
+
+    if not 0 < gain <= MOST_GAIN:
+        raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
 
 
 def _motion(

@@ -29,6 +29,10 @@ class Noise:
         """The standard deviation at this light."""
         return np.sqrt(self.read**2 + self.shot * np.maximum(light, 0))
 
+    def added_to(self, light: Float[np.ndarray, "*n"], rng: np.random.Generator) -> Float[np.ndarray, "*n"]:
+        """The light as one exposure shows it, with noise drawn from `rng`."""
+        return light + rng.standard_normal(light.shape) * self.at(light)
+
     def over(self, pixels: Float[np.ndarray, "rows cols channels"]) -> float:
         """The standard deviation of a whole picture's pixels, each channel by itself: the root of the mean variance."""
         return math.sqrt(self.read**2 + self.shot * float(np.maximum(pixels, 0).mean(dtype=np.float64)))

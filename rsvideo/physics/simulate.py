@@ -18,6 +18,7 @@ from rsvideo.physics.bent import bent, packed
 from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.noise import Noise
+from rsvideo.physics.resampling import add_sample
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
@@ -57,7 +58,7 @@ def render(
     Poses are those of the image in every direction of readout. Light above white / gain clips, in the truth too.
     """
     blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, observe=observe)
-    blurred = blurred + rng.standard_normal(blurred.shape) * noise.at(blurred)
+    blurred = noise.added_to(blurred, rng)
     truth = gain * still(scene, camera=camera, pose=trajectory.at(np.array([timing.middle]))[0])
     return Rendering(blurred=np.clip(blurred, 0, 1).astype(np.float32), truth=np.clip(truth, 0, 1).astype(np.float32))
 
@@ -170,7 +171,7 @@ def _sampled_through(
 @no_type_check
 @njit(cache=True, parallel=True)
 def _mean_of_samples(scene, x, y, maps, lens, left, top):
-    rows, cols, channels = scene.shape
+    channels = scene.shape[2]
     lines, along = x.shape
     samples = maps.shape[1]
     result = np.zeros((lines, along, channels))
@@ -184,30 +185,7 @@ def _mean_of_samples(scene, x, y, maps, lens, left, top):
                 u = (H[0, 0] * x[i, j] + H[0, 1] * y[i, j] + H[0, 2]) / w
                 v = (H[1, 0] * x[i, j] + H[1, 1] * y[i, j] + H[1, 2]) / w
                 u, v, _, _, _, _ = bent(u, v, lens)
-                u, v = u + left, v + top
-                u0, v0 = int(np.floor(u)), int(np.floor(v))
-                a, b = u - u0, v - v0
-                for m in range(4):
-                    wy = _catmull_rom(b, m)
-                    r = min(max(v0 + m - 1, 0), rows - 1)
-                    for n in range(4):
-                        weight = wy * _catmull_rom(a, n)
-                        c = min(max(u0 + n - 1, 0), cols - 1)
-                        for q in range(channels):
-                            total[q] += weight * scene[r, c, q]
+                add_sample(total, scene, u + left, v + top, 1.0)
             for q in range(channels):
                 result[i, j, q] = total[q] / samples
     return result
-
-
-@no_type_check
-@njit(cache=True, inline="always")
-def _catmull_rom(f, tap):
-    """The weight of tap 0..3 at a fraction f between taps 1 and 2."""
-    if tap == 0:
-        return ((2.0 - f) * f - 1.0) * f / 2.0
-    if tap == 1:
-        return ((3.0 * f - 5.0) * f * f + 2.0) / 2.0
-    if tap == 2:
-        return ((4.0 - 3.0 * f) * f + 1.0) * f / 2.0
-    return (f - 1.0) * f * f / 2.0

@@ -1,4 +1,4 @@
-"""What stands beside a rendered frame: how it was rendered, and the motion it was rendered with."""
+"""What stands beside rendered frames: how they were rendered, and the motion they were rendered with."""
 
 import json
 from collections.abc import Mapping
@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rsvideo.physics.gyro import angles_from_poses
+from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import extent
 from rsvideo.physics.staging import Stage
 from rsvideo.shooting.given_motion import COLUMNS
@@ -23,15 +24,22 @@ def motion_csv(staged: Stage) -> bytes:
     return "".join([",".join(COLUMNS) + "\n", *(",".join(f"{value:.9g}" for value in row) + "\n" for row in rows)]).encode()
 
 
+def shutter_facts(timing: ShutterTiming) -> dict[str, object]:
+    """When each scanline collected light, under the names of a case."""
+    return {
+        "exposure_s": timing.exposure,
+        "row_time_s": timing.row_time,
+        "readout_s": timing.readout,
+        "direction": timing.direction.value,
+    }
+
+
 def case_json(staged: Stage, more: Mapping[str, object]) -> bytes:
     """The stage in numbers, and what more the caller states of the rendering."""
     camera, timing, lens = staged.camera, staged.timing, staged.camera.distortion
     case = {
         "kind": "still",
-        "exposure_s": timing.exposure,
-        "row_time_s": timing.row_time,
-        "readout_s": timing.readout,
-        "direction": timing.direction.value,
+        **shutter_facts(timing),
         "rows": camera.rows,
         "cols": camera.cols,
         "focal_px": camera.fx,

@@ -1,0 +1,128 @@
+"""Films a clip anew as a rolling-shutter camera would: the frames of a sharp clip, each taken in an instant, become blurred ones.
+
+Time runs evenly through the sharp clip, `speed` of its frames to a period of the camera's: the scene between two of them is
+interpolated (physics.scene_between). Each scanline averages the linear light of its own exposure. Two sharp frames are held at a time,
+and those of the camera's frames that are open between them, however long the clip.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import chain, pairwise
+
+import numpy as np
+from jaxtyping import Int
+
+from rsvideo.physics.noise import Noise
+from rsvideo.physics.scene_between import Light, SceneBetween
+from rsvideo.physics.shutter import ShutterTiming
+
+LEAST_SPEED, MOST_SPEED = 0.01, 100.0  # sharp frames a frame; nobody means less or more
+_ROUNDING = 1e-9  # of a sharp frame's period
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How the camera's frames lie in the time of the sharp clip, which counts its frames: the first one is at 0."""
+
+    timing: ShutterTiming
+    period: float  # s from one frame of the camera to the next
+    speed: float  # sharp frames in a period
+
+    def __post_init__(self) -> None:
+        if not LEAST_SPEED <= self.speed <= MOST_SPEED:
+            raise ValueError(
+                f"speed must lie in [{LEAST_SPEED:g}, {MOST_SPEED:g}] source frames a frame, got {self.speed:g};"
+                " 1 keeps the source's motion, 2 doubles it"
+            )
+
+    @property
+    def span(self) -> float:
+        """Sharp frames from the opening of a frame's first scanline to the closing of its last."""
+        return self.timing.interval[1] / self.period * self.speed
+
+    def opens(self, frame: int) -> float:
+        """When a frame's first scanline opens."""
+        return frame * self.speed
+
+    def needed(self, frames: int) -> int:
+        """Sharp frames that so many frames need."""
+        return math.ceil(self.opens(frames - 1) + self.span - _ROUNDING) + 1
+
+    def frames(self, sharp: int) -> int:
+        """Frames that so many sharp ones suffice for."""
+        return max(0, math.floor((sharp - 1 - self.span + _ROUNDING) / self.speed) + 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shot:
+    """One frame as the camera wrote it, and what it should have been."""
+
+    blurred: Light  # in [0, 1]
+    truth: Light  # the scene at the middle of the frame's interval, without noise
+    blur: float  # px that the middle one of all pixels moves while the middle scanline is open
+    astray: float  # the largest share of points that were not found again, of all sharp frames that were interpolated
+
+
+class _Open:
+    """A frame of the camera while the sharp frames go by."""
+
+    def __init__(self, pace: Pace, frame: int, shape: tuple[int, ...]) -> None:
+        timing, scale = pace.timing, pace.speed / pace.period
+        self.opens = pace.opens(frame) + scale * timing.row_start()
+        self.closes = self.opens + scale * timing.exposure
+        self.ends = pace.opens(frame) + pace.span
+        self.middle = pace.opens(frame) + 0.5 * pace.span
+        self.total, self.truth = np.zeros(shape, np.float32), None
+        self.blur = self.astray = 0.0
+
+    def pass_by(self, between: SceneBetween, index: int, scanline: Int[np.ndarray, "rows cols"]) -> None:
+        """Collect the light from the sharp frame `index` to the next."""
+        opens, closes = np.clip(self.opens, index, None), np.clip(self.closes, None, index + 1)
+        share = np.clip(closes - opens, 0, None) / (self.closes - self.opens)
+        closes = np.where(share > 0, closes, opens - 1)
+        self.total += between.exposed(opens - index, closes - index, scanline) * share[scanline][..., None].astype(np.float32)
+        if self.truth is None and self.middle <= index + 1:
+            self.truth = between.at(self.middle - index)
+        middle = len(share) // 2
+        self.blur += between.usual_motion * float(closes[middle] - opens[middle]) * bool(share[middle])
+        self.astray = max(self.astray, between.astray)
+
+    def shot(self, noise: Noise, rng: np.random.Generator) -> Shot:
+        """The frame, once its last scanline has closed."""
+        assert self.truth is not None
+        blurred = np.clip(noise.added_to(self.total, rng), 0, 1).astype(np.float32)
+        return Shot(blurred=blurred, truth=np.clip(self.truth, 0, 1), blur=self.blur, astray=self.astray)
+
+
+def filmed(sharp: Iterable[Light], pace: Pace, *, frames: int, noise: Noise, rng: np.random.Generator) -> Iterator[Shot]:
+    """So many frames of the camera; ValueError where the sharp ones, all of one size, do not suffice for them."""
+    left: list[_Open] = []
+    begun = done = 0
+    for index, (before, after) in enumerate(pairwise(sharp)):
+        begin = range(begun, max(begun, min(frames, math.ceil((index + 1) / pace.speed))))
+        if left or begin:
+            between = SceneBetween.of(before, after)
+            scanline = _scanlines(pace.timing, before.shape[:2])
+            passed, left = left, []
+            for each in chain(passed, (_Open(pace, frame, before.shape) for frame in begin)):
+                each.pass_by(between, index, scanline)
+                if each.ends > index + 1 + _ROUNDING:
+                    left.append(each)
+                    continue
+                done += 1
+                yield each.shot(noise, rng)
+        begun = begin.stop
+        if done == frames:
+            return
+    raise ValueError(f"{frames} frames need {pace.needed(frames)} sharp ones, they end after {done}")
+
+
+def _scanlines(timing: ShutterTiming, shape: tuple[int, int]) -> Int[np.ndarray, "rows cols"]:
+    """The scanline of each pixel."""
+    scanlines = np.empty(shape, np.intp)
+    along = timing.direction.scanlines(scanlines)
+    if len(along) != timing.rows:
+        raise ValueError(f"the shutter reads {timing.rows} scanlines, the frame has {len(along)} {timing.direction.value}")
+    along[:] = np.arange(timing.rows)[:, None]
+    return scanlines
