@@ -89,7 +89,6 @@ Overwrite = Annotated[bool, Option("--overwrite", help="Replace what stands unde
 
 
 def simulate(
-    context: typer.Context,
     output: Output,
     exposure: Exposure,
     source: Source = None,
@@ -125,11 +124,12 @@ def simulate(
 
     Of a photograph: the frame is the middle of SHARP, so much smaller that its borders show real content however the camera moves.
     """
+    values = locals().copy()
     from rsvideo.physics.tone import Transfer
     from rsvideo.stills import still
 
     with refusing():
-        simulate_clip.check_options(context)
+        simulate_clip.check_options(simulate, values)
         if source is None:
             shutter = {"exposure": exposure, "readout": readout, "row_time": row_time, "direction": direction}
             chosen = {"speed": speed, "first": first, "frames": frames, "largest_side": largest_side, "noise": noise, "seed": seed}

@@ -1,10 +1,9 @@
 """rsvideo simulate --from-clip: a sharp clip in, a folder with a blurred and sheared one and its truth out."""
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-
-import typer
 
 from rsvideo.cli import options
 from rsvideo.cli.exit_codes import note
@@ -14,9 +13,9 @@ _OF_BOTH = {"output", "overwrite", "noise", "seed", "exposure", "readout", "row_
 _OF_CLIPS = {"from_clip", "speed", "rate", "first", "frames", "largest_side"}
 
 
-def check_options(context: typer.Context) -> None:
+def check_options(command: Callable[..., None], values: Mapping[str, Any]) -> None:
     """Refuse a request without a source, with two, and with options that are not of its kind."""
-    given = [name for name in context.params if _given(context, name)]
+    given = [name for name, parameter in inspect.signature(command).parameters.items() if values[name] != parameter.default]
     if ("source" in given) == ("from_clip" in given):
         raise ValueError(f"either SHARP, a photograph, or --from-clip must be given, got {'both' if 'source' in given else 'neither'}")
     of_clip = "from_clip" in given
@@ -49,11 +48,6 @@ def film(
         made = carry_out(plan, observe)
     note(made.notes)
     say(f"filmed {made.frames} frames of {made.cols} x {made.rows}, {made.blur:.1f} px of blur: {plan.output}")
-
-
-def _given(context: typer.Context, name: str) -> bool:
-    source = context.get_parameter_source(name)
-    return source is not None and source.name == "COMMANDLINE"
 
 
 def _flag(name: str) -> str:

@@ -24,7 +24,7 @@ from rsvideo.video.stream import Stream
 
 FRAMES = 40  # from the middle of what is restored
 USUAL_FOCAL = 0.85  # of the longer side: most phones and cameras have 0.7 to 1.0
-DECIMALS = 6  # of seconds, so that a clip that is measured again gives the same
+DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
 _ASSUMED = 0.5  # of a frame's period: the exposure and the readout with which points are followed until both are measured
 
 
@@ -82,9 +82,8 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     found = exposure.measured(replace(run, camera=settled.along_scanlines(), source_camera=settled), period)
     if isinstance(found, exposure.Unclear):
         return Measured(readout=readout, unclear=(*unclear, f"exposure: {found.reason}"))
-    return Measured(
-        exposure=round(found.value, DECIMALS), deviation=round(found.deviation, DECIMALS), readout=readout, unclear=tuple(unclear)
-    )
+    value, deviation, blur = (round(each, DECIMALS) for each in (found.value, found.deviation, found.blur))
+    return Measured(exposure=value, deviation=deviation, blur=blur, readout=readout, unclear=tuple(unclear))
 
 
 def _readout(run: Run, period: float, direction: Direction) -> float:

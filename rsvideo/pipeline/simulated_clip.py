@@ -200,12 +200,12 @@ def _sharp(plan: Plan) -> Iterator[Light]:
 def _made(plan: Plan, folder: Path, observe: Observer) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
     """Write the clip and its truth; of each frame the blur in px and the share of points astray, and what could not be kept."""
     count, rng = plan.target.frames, np.random.default_rng([plan.filming.seed, 1])  # a photograph's noise has the same stream
-    shots = filmed(_sharp(plan), plan.pace, frames=count, noise=plan.noise, rng=rng)
+    film = filmed(_sharp(plan), plan.pace, frames=count, noise=plan.noise, rng=rng)
     clip = Writer(folder / CLIP, plan.target, Encoding(codec="h264"))
     truth = Writer(folder / TRUTH, plan.target, Encoding(codec="h264", quality=_TRUTH_QUALITY))
     blur, astray = np.zeros(count), np.zeros(count)
     with clip, truth:
-        for k, shot in enumerate(shots):
+        for k, shot in enumerate(film):
             picture = Picture(planes=(), index=k, pts=k, duration=1, time=k * plan.pace.period)
             clip.write(colour.encoded(shot.blurred, picture, clip.colour))
             truth.write(colour.encoded(shot.truth, picture, truth.colour))

@@ -115,13 +115,15 @@ def test_a_still_clip_comes_back_as_it_is(sharp):
         assert shot.blur == 0
 
 
-def test_a_line_that_sweeps_leaves_an_even_streak():
-    def moved(right):
-        return np.broadcast_to(np.float32([right, 0]), (24, 60, 2)).copy()
+def even_flow(right):
+    """Of everything, so many px to the right."""
+    return np.broadcast_to(np.float32([right, 0]), (24, 60, 2)).copy()
 
+
+def test_a_line_that_sweeps_leaves_an_even_streak():
     line = np.zeros((24, 60, 1), np.float32)
     line[:, 20] = 1
-    between = SceneBetween(before=line, after=np.roll(line, 12, axis=1), forward=moved(12), backward=moved(-12))
+    between = SceneBetween(before=line, after=np.roll(line, 12, axis=1), forward=even_flow(12), backward=even_flow(-12))
     streak = between.exposed(np.zeros(24), np.ones(24), np.broadcast_to(np.arange(24)[:, None], (24, 60)))[12, 22:31, 0]
     np.testing.assert_allclose(streak, 1 / 12, rtol=0.05)
 
@@ -181,3 +183,10 @@ def test_too_few_sharp_frames_are_refused(sharp):
 def test_a_speed_that_nobody_means_is_refused(speed):
     with pytest.raises(ValueError, match="speed must lie in"):
         Pace(timing=timing(), period=PERIOD, speed=speed)
+
+
+def test_what_enters_at_the_border_is_taken_from_the_frame_that_has_it():
+    texture = np.random.default_rng(0).uniform(0.2, 0.8, (24, 72, 1)).astype(np.float32)
+
+    between = SceneBetween(before=texture[:, :60].copy(), after=texture[:, 12:].copy(), forward=even_flow(-12), backward=even_flow(12))
+    np.testing.assert_allclose(between.at(0.5), texture[:, 6:66], atol=1e-5)
