@@ -29,7 +29,7 @@ from rsvideo.video.writer import Writer
 CLIP, TRUTH, FACTS = "clip.mp4", "truth.mp4", "case.json"
 _TRUTH_QUALITY = 4.0  # constant rate factor: finer than the clip's own, which is a camera's
 _ASTRAY = 0.25  # of a frame's points, from which on its interpolation is poor; at full trust it is what motion covers
-_BYTES_A_PIXEL = 400  # of the frame that is made, with those it is made from
+_BYTES_A_PIXEL, _BYTES_A_SOURCE_PIXEL = 700, 100  # of a frame that is made, with two encoders' lookahead; and of one that is decoded
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +97,8 @@ def prepare(filming: Filming, output: Path, *, overwrite: bool = False) -> Plan:
     rows, cols = (side // 2 * 2 for side in scale)  # H.264 with 4:2:0 has no odd ones
     if min(rows, cols) < SMALLEST:
         raise ValueError(f"the clip must be at least {SMALLEST} px wide and high, it would be {cols} x {rows}; raise --largest-side")
-    memory.check(filming.source, f"its pictures are {source.cols} x {source.rows}", _BYTES_A_PIXEL * source.rows * source.cols)
+    needed = _BYTES_A_PIXEL * rows * cols + _BYTES_A_SOURCE_PIXEL * source.rows * source.cols
+    memory.check(filming.source, f"its pictures are {source.cols} x {source.rows}", needed)
     rate = filming.rate or source.rate
     shutter = timing.resolve(filming.camera, Sources(rows=rows, cols=cols, fps=float(rate))).timing
     pace = Pace(timing=shutter, period=float(1 / rate), speed=filming.speed)
@@ -166,20 +167,16 @@ def _frames(filming: Filming, source: Stream, pace: Pace) -> tuple[int, tuple[st
     if cut is not None:
         there, end = cut - filming.first, f"the source cuts to another scene at its frame {cut}"
     most = pace.frames(there)
-    if most < (filming.frames or 1):
-        needed = pace.needed(filming.frames or 1)
+    if most < (least := filming.frames or 1):
         raise ValueError(
-            f"{_counted(filming.frames or 1)} at a speed of {filming.speed:g} need {needed} of the source's, from {filming.first} on there"
-            f" are {there}: {end}; " + (f"--first {cut} begins behind it" if cut is not None else "a lower --speed needs fewer")
+            f"{least} frame{'s' if least > 1 else ''} at a speed of {filming.speed:g} must have {pace.needed(least)} of the source's, from"
+            f" {filming.first} on there are {there}: {end}; "
+            + (f"--first {cut} begins behind it" if cut is not None else "a lower --speed needs fewer")
         )
     notes = (end,) if cut is not None and filming.frames is None else ()
     if source.variable:
         notes += ("the source's frames do not follow each other evenly, and are filmed as if they did",)
     return filming.frames or most, notes
-
-
-def _counted(frames: int) -> str:
-    return f"{frames} frame{'s' if frames > 1 else ''}"
 
 
 def _scaled(rows: int, cols: int, largest: int | None) -> tuple[int, int]:

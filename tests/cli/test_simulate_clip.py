@@ -169,10 +169,10 @@ def test_another_rate_takes_the_source_as_its_own_slow_motion(sharp, tmp_path):
 @pytest.mark.parametrize(
     ("words", "slip"),
     [
-        (["--frames", "12"], "12 frames at a speed of 1 need 13 of the source's, from 0 on there are 12"),
+        (["--frames", "12"], "12 frames at a speed of 1 must have 13 of the source's, from 0 on there are 12"),
         (["--frames", "0"], "frames must be at least 1"),
         (["--first", "12"], "0 to 11"),
-        (["--first", "11"], "1 frame at a speed of 1 need 2"),
+        (["--first", "11"], "1 frame at a speed of 1 must have 2"),
         (["--first", "-1"], "at least 0"),
         (["--speed", "0"], "speed must lie in"),
         (["--speed", "nan"], "speed must lie in"),
