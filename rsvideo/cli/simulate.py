@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 MOST_LOG_BYTES = 500_000_000
 
-Source = Annotated[Path | None, typer.Argument(metavar="[SHARP]", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
+Source = Annotated[Path | None, typer.Argument(metavar="SHARP", help="A sharp PNG, TIFF, JPEG or raw photograph, larger than the frame.")]
 FromClip = Annotated[
     Path | None, Option("--from-clip", metavar="CLIP", help="Instead of a photograph: a clip of short exposures, taken as instants.")
 ]

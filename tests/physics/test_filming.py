@@ -117,7 +117,7 @@ def test_a_still_clip_comes_back_as_it_is(sharp):
 
 def even_flow(right):
     """Of everything, so many px to the right."""
-    return np.broadcast_to(np.float32([right, 0]), (24, 60, 2)).copy()
+    return np.broadcast_to(np.array([right, 0], np.float32), (24, 60, 2)).copy()
 
 
 def test_a_line_that_sweeps_leaves_an_even_streak():
