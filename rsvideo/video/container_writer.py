@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import av
 import av.error
@@ -16,6 +17,9 @@ from rsvideo.video import container, decode, encoder
 from rsvideo.video.output_format import CONTAINERS, Encoding
 from rsvideo.video.part import Part
 from rsvideo.video.stream import Colour, Picture, Track
+
+if TYPE_CHECKING:
+    from av.container.core import Chapter
 
 _MILLISECOND = Fraction(1, 1000)  # Matroska's time base, as FFmpeg writes it
 _LOOKED_THROUGH = 1000  # times of which one may show that the clip's do not fall on whole milliseconds
@@ -103,7 +107,7 @@ class ContainerWriter:
             self._out.metadata["creation_time"] = stream.created
         if chapters := source.chapters():
             if self._part.whole:
-                self._out.set_chapters(chapters)
+                self._out.set_chapters([_earlier(chapter, self._part.shift * stream.time_base) for chapter in chapters])
             else:
                 self.notes.append("chapters are kept for whole clips only")
 
@@ -139,7 +143,7 @@ class ContainerWriter:
                 at = (packet.pts if packet.pts is not None else packet.dts or 0) * packet.time_base
                 if not begin <= at < end:
                     continue
-                moved = round(shift / packet.time_base)
+            if moved := round(shift / packet.time_base):
                 packet.pts = None if packet.pts is None else packet.pts - moved
                 packet.dts = None if packet.dts is None else packet.dts - moved
             packet.stream = self._copies[packet.stream_index]
@@ -166,6 +170,11 @@ class ContainerWriter:
                 raise
             kinds = " and ".join(sorted({track.kind for track in self._part.stream.tracks if track.copied}))
             raise UnreadableError(f"{self._part.stream.path} holds {kinds} that cannot be carried over; is it damaged?") from error
+
+
+def _earlier(chapter: "Chapter", seconds: Fraction) -> "Chapter":
+    moved = round(seconds / (chapter["time_base"] or 1))
+    return {**chapter, "start": chapter["start"] - moved, "end": chapter["end"] - moved}
 
 
 def _carried(metadata: Mapping[str, str]) -> dict[str, str]:

@@ -139,7 +139,7 @@ def _decoded(stream: Stream, start: int | None, last: int) -> Iterator[tuple[int
     """Index and frame from the key picture `start` on, or from the beginning; raises _Broken at any sign of damage."""
     with opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": _STRICT})
-        for packet in _packets(file, video, start):
+        for packet in _packets(file, video, stream, start):
             near = stream.times.searchsorted(packet.pts) if packet.pts is not None else last
             if packet.is_corrupt:
                 raise _Broken(f"the packet of picture {near} is incomplete")
@@ -172,12 +172,14 @@ def _ready(file: InputContainer, stream: Stream, options: dict[str, str]) -> Vid
     return video
 
 
-def _packets(file: InputContainer, video: VideoStream, start: int | None) -> Iterator[av.Packet]:
-    """Packets from the key picture `start` on, without those shown before it, which may depend on what came earlier."""
+def _packets(file: InputContainer, video: VideoStream, stream: Stream, start: int | None) -> Iterator[av.Packet]:
+    """Packets from the key picture `start` on, without those shown before it, which may depend on what came earlier; at mended times."""
     if start is not None:
         file.seek(start, stream=video)
     reached = start is None
     for packet in file.demux(video):
+        if packet.pos is not None:
+            packet.pts = stream.mended.get(packet.pos, packet.pts)
         if start is not None and packet.size:
             if not reached and packet.pts is not None and packet.pts > start and packet.is_keyframe:
                 raise _Broken(f"the key picture at pts {start} is not found")
@@ -229,7 +231,7 @@ def _concealed(stream: Stream, first: int, last: int) -> Iterator[Picture]:
     with opened(stream.path, container.family(stream.path, strict=False)) as file:
         video = _ready(file, stream, {"err_detect": "crccheck+bitstream", "flags": "output_corrupt"})
         try:
-            for packet in _packets(file, video, start):
+            for packet in _packets(file, video, stream, start):
                 with watched() as log:
                     try:
                         frames = packet.decode()

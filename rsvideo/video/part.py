@@ -34,8 +34,13 @@ class Part:
 
     @property
     def shift(self) -> int:
-        """By how much its times are earlier than the stream's, in the stream's time base; a whole stream keeps its own."""
-        return int(self.stream.times[self.first]) if self.first else 0
+        """By how much its times are earlier than the stream's, in the stream's time base.
+
+        From the first picture on it keeps the stream's own times; if they begin before 0, which no container that is written holds, 0
+        is where they begin.
+        """
+        begins = int(self.stream.times[self.first])
+        return begins if self.first else min(begins, 0)
 
     @property
     def span(self) -> tuple[Fraction, Fraction]:
@@ -47,7 +52,7 @@ class Part:
     @property
     def timecode(self) -> str | None:
         """The name of its first picture, where the stream names its own."""
-        passed = round(self.shift * self.stream.time_base * self.stream.rate)
+        passed = round(int(self.stream.times[self.first] - self.stream.times[0]) * self.stream.time_base * self.stream.rate)
         return self.stream.timecode and later(self.stream.timecode, passed, self.stream.rate)
 
     def times(self, base: Fraction) -> np.ndarray:

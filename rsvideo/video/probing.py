@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,18 +13,20 @@ import numpy as np
 from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
+from jaxtyping import Int
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.quantity import FASTEST_RATE
 from rsvideo.stills.codes import check_pixels
 from rsvideo.stills.ffmpeg import watched
-from rsvideo.video import container, tags
+from rsvideo.video import container, shared_times, tags
 from rsvideo.video.sample_tables import MOST_SAMPLES
 from rsvideo.video.stream import Stream, Track
 
 MOST_PIXELS = 100_000_000  # of a picture of a clip: cameras film 12288 x 6480 at most
 _SLACK, _SLACK_OF_FILE = 0.1, 0.5  # seconds by which a header may promise more than is there: of a track, and of all tracks together
 _LONGEST_S = 10_000_000  # seconds, 115 days
+_MOST_BEFORE_0 = 60  # seconds; sound may begin later than the picture, and a buffer be filled before
 _SLOWEST_RATE = Fraction(1, 100_000)  # pictures a second: one a day
 _CARRIED = {"gpmd"}  # data that writers of MP4 know: GoPro's sensors
 
@@ -38,12 +41,15 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
     if video.codec_context is None:  # FFmpeg has no decoder, and PyAV then no size
         raise UnreadableError(f"{path} stores its pictures in a way that is not read; is its header damaged?")
     check_pixels(video.height, video.width, most=MOST_PIXELS)
-    times, keys, end, shown = _scan(path, video, file, strict=strict)
+    scanned = _scan(path, video, file, strict=strict)
+    times, end, shown = scanned.times, scanned.end, scanned.shown
     if strict:
         _check_lengths(path, family, video, file, times, end)
     if shown is None:
         raise UnreadableError(f"{path} holds no picture that can be decoded; is it damaged?")
     colour, notes = tags.colour(path, video, shown)
+    if scanned.mended:
+        notes += (f"two pictures share one time; {len(scanned.mended)} are given others, in the order that the coded stream states",)
     kinds: dict[int, str] = {}
     if family == "mov":
         with contextlib.nullcontext() if strict else contextlib.suppress(UnreadableError):
@@ -63,7 +69,8 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
         end=end,
         colour=colour,
         index=video.index,
-        keys=keys,
+        keys=scanned.keys,
+        mended=scanned.mended,
         rotation=shown.rotation,
         display_matrix=matrix,
         sample_aspect_ratio=video.sample_aspect_ratio or Fraction(1),
@@ -93,14 +100,25 @@ def _rate(path: Path, video: VideoStream, times: np.ndarray, end: int) -> Fracti
     return rate
 
 
-def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool) -> tuple[np.ndarray, np.ndarray, int, VideoFrame | None]:
-    """The pts of all pictures and of the key pictures, when the last ends, and the first picture that can be decoded."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Scanned:
+    """What the packets of a video say."""
+
+    times: Int[np.ndarray, " frames"]  # pts of all pictures, rising
+    keys: Int[np.ndarray, " keys"]  # of the key pictures
+    end: int  # when the last picture ends
+    mended: dict[int, int]  # as of Stream
+    shown: VideoFrame | None  # the first picture that can be decoded
+
+
+def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool) -> _Scanned:
     video.codec_context.thread_count = 1
     video.codec_context.options = {"max_pixels": str(MOST_PIXELS)}
     for other in file.streams:
         if other.index != video.index:
             other.discard = av.stream.Discard.all
     times: list[int] = []
+    at: list[int | None] = []
     keys: list[int] = []
     durations: list[int] = []
     shown = None
@@ -112,23 +130,29 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
             continue
         if packet.pts is None:
             raise UnreadableError(f"{path} must say when each picture is shown, picture {len(times)} has no time; is it damaged?")
-        times.append(packet.pts)
-        durations.append(packet.duration or 0)
         if packet.is_keyframe:
-            keys.append(packet.pts)
+            keys.append(len(times))
+        times.append(packet.pts)
+        at.append(packet.pos)
+        durations.append(packet.duration or 0)
         if len(times) > MOST_SAMPLES:
             raise UnreadableError(f"{path} must hold at most {MOST_SAMPLES} pictures")
     if not times:
         raise UnreadableError(f"{path} holds no picture; is it cut short?")
-    order = np.argsort(times, kind="stable")
+    mended: dict[int, int] = {}
+    if len(set(times)) < len(times):
+        own = shared_times.parted(path, file, video, times)
+        mended = {place: new for place, new, stated in zip(at, own, times, strict=True) if place is not None and new != stated}
+        times = own
+    order = np.argsort(times)
     rising = np.array(times, np.int64)[order]
-    if len(rising) > 1 and (twice := np.diff(rising) <= 0).any():
-        raise UnreadableError(f"{path} must show one picture at a time, two are at pts {rising[np.argmax(twice)]}; is it damaged?")
-    if rising[0] < 0:  # which no container that is written keeps
-        begins = float(rising[0] * (video.time_base or 0))
-        raise UnreadableError(f"{path} must show its first picture at time 0 or later, it does at {begins:g} s; is its header damaged?")
+    if (begins := float(rising[0] * (video.time_base or 0))) < -_MOST_BEFORE_0:
+        raise UnreadableError(
+            f"{path} must show its first picture {_MOST_BEFORE_0} s before time 0 at most, it does at {begins:g} s; is its header damaged?"
+        )
     spacing = int(np.median(np.diff(rising))) if len(rising) > 1 else 1
-    return rising, np.sort(np.array(keys, np.int64)), int(rising[-1]) + (durations[order[-1]] or spacing), shown
+    end = int(rising[-1]) + (durations[order[-1]] or spacing)
+    return _Scanned(times=rising, keys=np.sort(np.array(times, np.int64)[keys]), end=end, mended=mended, shown=shown)
 
 
 def _intact(path: Path, packets: Iterator[av.Packet]) -> Iterator[av.Packet]:

@@ -97,11 +97,12 @@ class Stream:
     cols: int
     rate: Fraction  # pictures a second, as stated or on average
     time_base: Fraction  # seconds
-    times: Int[np.ndarray, " frames"]  # pts of every picture, in time_base, rising; counted from the packets
+    times: Int[np.ndarray, " frames"]  # pts of every picture, in time_base, rising; counted from the packets, and perhaps before 0
     end: int  # pts at which the last picture ends
     colour: Colour
     index: int = 0  # of the track in its file
     keys: Int[np.ndarray, " keys"] = field(default_factory=lambda: np.zeros(0, np.int64))  # pts of the pictures that need no other, rising
+    mended: Mapping[int, int] = field(default_factory=dict)  # pts in place of the stated ones, by the byte at which a packet begins
     rotation: int = 0  # degrees counter-clockwise, as the display matrix says
     display_matrix: tuple[int, ...] | None = None  # nine numbers, as MOV and FFmpeg store them
     sample_aspect_ratio: Fraction = Fraction(1)

@@ -1,6 +1,7 @@
 """Tiny clips made by real encoders, each with what one test needs: `from tests.video.clips import make`."""
 
-from collections.abc import Sequence
+import struct
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -96,6 +97,31 @@ def make(
                 part.sample_rate, part.pts, part.time_base = 48000, at, Fraction(1, 48000)
                 file.mux(voice.encode(part))
             file.mux(voice.encode(None))
+    return path
+
+
+def retimed(source: Path, path: Path, pts: Mapping[int, int]) -> Path:
+    """The same packets in another file, those of the picture shown at a pts at the one it stands for."""
+    with av.open(str(source)) as file, av.open(str(path), "w") as out:
+        copies = {stream.index: out.add_stream_from_template(stream) for stream in file.streams}
+        for packet in file.demux():
+            if packet.size and packet.pts is not None:
+                if packet.stream.type == "video":
+                    packet.pts = pts.get(packet.pts, packet.pts)
+                packet.stream = copies[packet.stream_index]
+                out.mux_one(packet)
+    return path
+
+
+def before_0(path: Path, steps: int) -> Path:
+    """An MP4 without its edit lists, whose pictures are shown `steps` of the track's time base before 0."""
+    data = bytearray(path.read_bytes().replace(b"edts", b"free"))
+    table = data.index(b"ctts") + 8
+    runs = range(table + 8, table + 4 + 8 * struct.unpack_from(">I", data, table)[0], 8)
+    begins = struct.unpack_from(">i", data, runs[0])[0]
+    for at in runs:
+        struct.pack_into(">i", data, at, struct.unpack_from(">i", data, at)[0] - begins - steps)
+    path.write_bytes(data)
     return path
 
 

@@ -14,7 +14,7 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
 from rsvideo.video.decode import pictures, probe
 from rsvideo.video.stream import Matrix, Picture
-from tests.video.clips import make, planes, scene
+from tests.video.clips import before_0, make, planes, scene
 
 
 def same(one: Picture, other: Picture) -> bool:
@@ -209,6 +209,10 @@ def after_the_end_of_time(path: Path) -> None:
     path.write_bytes(data)
 
 
+def long_before_0(path: Path) -> None:
+    before_0(make(path, frames=12), 24 * 61)
+
+
 def of_a_codec_that_nobody_has(path: Path) -> None:
     make(path)
     path.write_bytes(path.read_bytes().replace(b"avc1", b"zzzz").replace(b"avcC", b"zzzC"))
@@ -219,6 +223,7 @@ def of_a_codec_that_nobody_has(path: Path) -> None:
     [
         (far_too_fast, ["pictures a second", "is its header damaged"]),
         (after_the_end_of_time, ["must be shown within", "is its header damaged"]),
+        (long_before_0, ["60 s before time 0 at most", "-61 s", "is its header damaged"]),
         (of_a_codec_that_nobody_has, ["stores its pictures in a way that is not read"]),
         (nothing, ["does not exist"]),
         (empty, ["is empty"]),

@@ -10,7 +10,7 @@ from rsvideo.video.decode import pictures, probe
 from rsvideo.video.output_format import Codec, Encoding
 from rsvideo.video.stream import Stream
 from rsvideo.video.writer import Writer
-from tests.video.clips import make, packets
+from tests.video.clips import before_0, make, packets
 
 IRREGULAR = [0, 3003, 6006, 7000, 12012, 12013, 20000, 90000]
 
@@ -85,6 +85,32 @@ def test_a_clip_that_begins_late_begins_late_again(tmp_path: Path) -> None:
     rewrite(before, tmp_path / "out.mp4")
     assert seconds(probe(tmp_path / "out.mp4")) == seconds(before)
     assert seconds(before)[0] > 0
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
+def test_a_clip_that_begins_before_0_begins_at_0_with_its_sound_and_chapters_as_much_later(tmp_path: Path, suffix: str) -> None:
+    how = {"options": {"x264-params": "bframes=2:b-adapt=0"}, "timecode": "01:00:00:00", "chapters": True, "sound": True}
+    source = before_0(make(tmp_path / "in.mp4", frames=12, **how), 6)
+    stream = probe(source)
+    assert seconds(stream)[0] == Fraction(-6, 24)
+    rewrite(stream, tmp_path / f"out{suffix}", Encoding(codec="h264"))
+    after = probe(tmp_path / f"out{suffix}")
+    assert [round(24 * at) for at in seconds(after)] == list(range(12))
+    assert after.timecode == "01:00:00:00"
+    one, other = packets(source, "audio"), packets(tmp_path / f"out{suffix}", "audio")
+    assert [data for _, data in one] == [data for _, data in other]
+    assert all(abs(a + Fraction(6, 24) - b) <= Fraction(1, 1000) for (a, _), (b, _) in zip(one, other, strict=True))
+    if suffix == ".mkv":  # in the others, FFmpeg lets the first chapter begin at 0 whatever it is told
+        with av.open(str(tmp_path / f"out{suffix}")) as file:
+            (chapter,) = file.chapters()
+        assert round(1000 * chapter["start"] * (chapter["time_base"] or 0)) == 250
+
+
+def test_a_part_of_a_clip_that_begins_before_0_has_the_timecode_of_its_own_place(tmp_path: Path) -> None:
+    how = {"options": {"x264-params": "bframes=2:b-adapt=0"}, "timecode": "01:00:00:00"}
+    stream = probe(before_0(make(tmp_path / "in.mp4", frames=12, **how), 6))
+    rewrite(stream, tmp_path / "out.mp4", first=8)
+    assert probe(tmp_path / "out.mp4").timecode == "01:00:00:08"
 
 
 def test_matroska_rounds_times_to_the_millisecond_and_says_so(tmp_path: Path) -> None:
