@@ -19,8 +19,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
-from rsvideo.batch.lock import BusyError, locked
 from rsvideo.config.files import sha256
+from rsvideo.config.lock import BusyError, locked
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 
 _VERSION = 3

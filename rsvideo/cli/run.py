@@ -46,7 +46,8 @@ def run(
     5 done, but more frames failed than report.most_failed_frames.
     """
     with refusing():
-        from rsvideo.batch import ledger, lock, plan
+        from rsvideo.batch import ledger, plan
+        from rsvideo.config import lock
 
         batch = plan.read(path, sets or (), overwrite=overwrite)
     try:

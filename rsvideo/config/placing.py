@@ -8,6 +8,7 @@ there to its names, all of it or nothing.
 import contextlib
 import errno
 import os
+import shutil
 import signal
 import tempfile
 import threading
@@ -16,8 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
+from rsvideo.config.lock import BusyError, locked
+
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 """By which a person or the system asks for an end."""
+
+_PREFIX, _MARK, _OLDER = ".rsvideo-", ".made-aside-by-rsvideo", ".older"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +76,21 @@ def real(path: Path) -> Path:
 
 @contextlib.contextmanager
 def aside(folder: Path) -> Iterator[Path]:
-    """A new folder of our own within `folder`, gone at the end with all that is left in it."""
-    with tempfile.TemporaryDirectory(prefix=".rsvideo-", dir=folder, ignore_cleanup_errors=True) as name:
+    """A new folder of our own within `folder`, gone at the end with all that is left in it; and so are those of processes that died."""
+    _clear(folder)
+    with tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder, ignore_cleanup_errors=True) as name, locked(Path(name)):
+        (Path(name) / _MARK).touch()  # by which others know whose it is, from when on it is held
         yield Path(name)
+
+
+def _clear(folder: Path) -> None:
+    """Remove what processes that were killed have left aside: what is marked as ours, held by nobody, and keeps nothing older."""
+    with contextlib.suppress(OSError):
+        for left in folder.glob(f"{_PREFIX}*"):
+            with contextlib.suppress(OSError, BusyError):
+                if (left / _MARK).exists() and not (left / _OLDER).exists():
+                    with locked(left, certain=True):
+                        shutil.rmtree(left, ignore_errors=True)
 
 
 def place(made: Sequence[Made]) -> None:
@@ -103,7 +120,7 @@ def _place(made: Made, moved: list[tuple[Path, Path]]) -> None:
     if made.path.exists() and made.path.is_dir() != made.at.is_dir():
         number = errno.EISDIR if made.path.is_dir() else errno.ENOTDIR
         raise OSError(number, os.strerror(number), str(made.path))
-    older = made.at.parent / ".older"
+    older = made.at.parent / _OLDER
     pairs = [(made.at, made.path)]
     if made.at.is_dir() and made.path.is_dir():
         pairs = [(file, made.path / file.name) for file in sorted(made.at.iterdir())]

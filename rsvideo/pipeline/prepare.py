@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 SMALLEST = 32  # px a side; below, there is nothing to measure motion by
 _WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
-_NO_SHUTTER = Camera(exposure=1e-3, readout=0.0)  # of the method none, which does not use it
+_NO_SHUTTER = Camera(exposure=1e-3, readout=0.0, force=True)  # of the method none, which does not use it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -132,14 +132,29 @@ def test_a_full_disk_leaves_what_stood_there(rsvideo: Run, tmp_path: Path, name:
     assert left(tmp_path) == sorted(["in.mp4", name])
 
 
+def working_on(folder: Path) -> subprocess.Popen[str]:
+    """A clip being restored, as soon as it is under way."""
+    path = make(folder / "in.mp4", rows=240, cols=320, frames=48)
+    words = [INSTALLED, "deblur", path, "-o", folder / "out.mp4", "--exposure", "1/50", "--readout", "20ms", "--focal-px", "300"]
+    working = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while working.poll() is None and not list(folder.glob(".rsvideo-*/*")):
+        time.sleep(0.02)
+    return working
+
+
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_an_interrupt_leaves_nothing_behind(tmp_path: Path, sent: signal.Signals, code: int) -> None:
-    path = make(tmp_path / "in.mp4", rows=240, cols=320, frames=48)
-    words = [INSTALLED, "deblur", path, "-o", tmp_path / "out.mp4", "--exposure", "1/50", "--readout", "20ms", "--focal-px", "300"]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as working:
-        while working.poll() is None and not list(tmp_path.glob(".rsvideo-*/*")):
-            time.sleep(0.02)
+    with working_on(tmp_path) as working:
         working.send_signal(sent)
         _, told = working.communicate(timeout=60)
     assert (working.returncode, told) == (code, f"rsvideo: stopped by {sent.name}; nothing was written\n")
     assert left(tmp_path) == ["in.mp4"]
+
+
+def test_what_a_kill_leaves_behind_the_next_run_clears_away(rsvideo: Run, tmp_path: Path) -> None:
+    with working_on(tmp_path) as working:
+        working.kill()
+        working.communicate(timeout=60)
+    assert len(left(tmp_path)) == 2
+    assert rsvideo("deblur", tmp_path / "in.mp4", "-o", tmp_path / "out.mp4", *NONE).returncode == 0
+    assert left(tmp_path) == ["in.mp4", "out.mp4", "out.rsvideo.json"]

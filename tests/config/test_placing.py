@@ -1,5 +1,8 @@
+import errno
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -127,3 +130,57 @@ def test_names_must_be_free_apart_and_of_files(tmp_path: Path) -> None:
     with pytest.raises(FileExistsError, match="--overwrite"):
         placing.check([tmp_path / "a", tmp_path / "b"], [], overwrite=False)
     placing.check([tmp_path / "a", tmp_path / "b"], [], overwrite=True)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from rsvideo.config.placing import aside
+
+with aside(Path(sys.argv[1])) as own:
+    (own / "half").write_bytes(b"half")
+    for name in sys.argv[2:]:
+        (own / name).mkdir()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def died(folder: Path, *keeping: str) -> Path:
+    """What a process that was killed while it made something has left."""
+    assert subprocess.run([sys.executable, "-c", KILLED, str(folder), *keeping], check=False).returncode == -signal.SIGKILL
+    (left,) = folder.glob(".rsvideo-*")
+    return left
+
+
+def test_what_a_killed_process_left_goes_when_the_next_thing_is_made(tmp_path: Path) -> None:
+    left = died(tmp_path)
+    with aside(tmp_path) as folder:
+        assert list(tmp_path.iterdir()) == [folder]
+        assert not left.exists()
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_a_process_still_works_on_stays(tmp_path: Path) -> None:
+    with aside(tmp_path) as folder:
+        with aside(tmp_path):
+            pass
+        assert folder.exists()
+
+
+@pytest.mark.parametrize("how", ["somebody's", "an older result", "no locks"])
+def test_only_what_is_certainly_dead_and_ours_is_cleared_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    left = died(tmp_path, *([".older"] if how == "an older result" else []))
+    match how:
+        case "somebody's":
+            left.rename(tmp_path / "renamed")
+            left.mkdir()
+            (left / "half").write_bytes(b"half")
+        case "no locks":
+
+            def refused(*_: object) -> None:
+                raise OSError(errno.ENOLCK, "no locks")
+
+            monkeypatch.setattr("fcntl.flock", refused)
+    with aside(tmp_path):
+        pass
+    assert (left / "half").read_bytes() == b"half"

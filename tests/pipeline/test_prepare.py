@@ -84,3 +84,8 @@ def test_a_profiles_distortion_and_noise_reach_the_work(source: Path) -> None:
     taken = task(source, camera={**camera, "focal_px": 100}).treatment.camera  # whose distortion is not known
     assert taken.intrinsics.distortion is None
     assert taken.noise == Noise(read=0.002, shot=1e-4)
+
+
+def test_the_method_none_takes_a_clip_of_any_rate(tmp_path: Path) -> None:
+    fast = make(tmp_path / "in.mp4", rate=20_000, frames=2)
+    assert task(fast, deblur={"method": "none"}).stream.rate == 20_000

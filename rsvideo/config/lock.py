@@ -1,4 +1,4 @@
-"""One run at a time: a folder that a process holds until it ends, however it ends."""
+"""Folders that a process holds until it ends, however it ends: one run of a job at a time, and none that works is cleared away."""
 
 import contextlib
 import errno
@@ -20,9 +20,11 @@ class BusyError(Exception):
 
 
 @contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder; raises BusyError where another process does."""
+def locked(folder: Path, *, certain: bool = False) -> Iterator[None]:
+    """Hold a folder; raises BusyError where another process does, and if it must be `certain`, where the system cannot tell."""
     if fcntl is None:
+        if certain:
+            raise BusyError(folder)
         yield
         return
     try:
@@ -30,14 +32,14 @@ def locked(folder: Path) -> Iterator[None]:
     except FileNotFoundError as error:
         raise BusyError(folder) from error  # which has just ended, and removed it
     try:
-        if not _held(descriptor, folder):
+        if not _held(descriptor, folder, certain=certain):
             raise BusyError(folder)
         yield
     finally:
         os.close(descriptor)
 
 
-def _held(descriptor: int, folder: Path) -> bool:
+def _held(descriptor: int, folder: Path, *, certain: bool) -> bool:
     assert fcntl is not None
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -45,6 +47,6 @@ def _held(descriptor: int, folder: Path) -> bool:
     except (BlockingIOError, FileNotFoundError):
         return False
     except OSError as error:
-        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL):
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS):
             raise
-        return True  # a file system without locks; the ledger has one of its own
+        return not certain  # a file system without locks; the ledger has one of its own
