@@ -25,7 +25,6 @@ from rsvideo.video.stream import Stream
 FRAMES = 40  # from the middle of what is restored
 USUAL_FOCAL = 0.85  # of the longer side: most phones and cameras have 0.7 to 1.0
 DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
-_ASSUMED = 0.5  # of a frame's period: the exposure and the readout with which points are followed until both are measured
 
 
 def needed(given: Stated, sources: Sources) -> bool:
@@ -60,12 +59,14 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     direction = timing.direction_of(given, sources).value
     intrinsics = Intrinsics.centred(focal=focal, rows=rows, cols=cols)
 
+    usual = timing.USUAL * period  # with which points are followed until both are measured
+
     def camera(readout: float) -> Camera:
         scanlines = rows if direction.by_row else cols
-        shutter = ShutterTiming.from_readout(exposure=_ASSUMED * period, readout=readout, rows=scanlines, direction=direction)
+        shutter = ShutterTiming.from_readout(exposure=usual, readout=readout, rows=scanlines, direction=direction)
         return Camera(timing=shutter, intrinsics=intrinsics)
 
-    run = clip_motion.gather(frames, camera(_ASSUMED * period), Settings())
+    run = clip_motion.gather(frames, camera(usual), Settings())
     if not run.followed.any():
         return Measured(unclear=("no points could be followed from frame to frame",))
     unclear: list[str] = []
@@ -78,7 +79,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     else:
         stated, _ = timing.readout_of(given, sources)
         readout = stated.value if stated else None
-    settled = camera(_ASSUMED * period if readout is None else readout)
+    settled = camera(usual if readout is None else readout)
     found = exposure.measured(replace(run, camera=settled.along_scanlines(), source_camera=settled), period)
     if isinstance(found, exposure.Unclear):
         return Measured(readout=readout, unclear=(*unclear, f"exposure: {found.reason}"))

@@ -167,10 +167,10 @@ def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Re
 
 def _unclear(request: Request, shutter: timing.Resolved) -> tuple[str, ...]:
     """What could not be measured and is assumed."""
-    if request.measured is None or not any(fact.source.startswith("assumed") for fact in (shutter.exposure, shutter.readout)):
+    if request.measured is None or not any(fact.assumed for fact in (shutter.exposure, shutter.readout)):
         return ()
     named = (("exposure", shutter.exposure), ("readout", shutter.readout))
-    taken = ", ".join(f"{name} {1e3 * fact.value:.3g} ms" for name, fact in named if fact.source.startswith("assumed"))
+    taken = ", ".join(f"{name} {1e3 * fact.value:.3g} ms" for name, fact in named if fact.assumed)
     return (f"the clip does not show all of its timing ({'; '.join(request.measured.unclear)}): {taken} is assumed",)
 
 

@@ -13,3 +13,4 @@ class Fact(Generic[T]):
     value: T
     source: str
     within: tuple[float, float] | None = None  # where a number lies, 19 times of 20; None where nobody stated it
+    assumed: bool = False  # nobody states or has measured it

@@ -1,9 +1,9 @@
 """Which shutter timing a photograph or a clip's frames have, and who stated it.
 
 The first that answers wins, for the exposure and for the readout each: the request, the file's own metadata, the camera's profile, the
-public table, an estimate from the clip, and for the readout of a clip at last the frame rate. Total scanlines, where they are given, are
-used as in the paper, after Forssen & Ringaby (CVPR 2010): a frame's period 1/f is its readout and an inter-frame delay t_d, during which
-the sensor goes through the motions of reading rows that are not stored, so that t_r = 1 / (f * scanlines_total), with
+public table, what the clip's own frames show, and for the readout of a clip at last the frame rate. Total scanlines, where they are
+given, are used as in the paper, after Forssen & Ringaby (CVPR 2010): a frame's period 1/f is its readout and an inter-frame delay t_d,
+during which the sensor goes through the motions of reading rows that are not stored, so that t_r = 1 / (f * scanlines_total), with
 rows = scanlines_total - t_d / t_r stored. Without that number t_d is taken as 0, which makes t_r an upper bound: cameras read in about
 half of that, typically.
 """
@@ -17,11 +17,11 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
+USUAL = 0.5  # of a frame's period: the readout of most cameras, and their exposure, where nothing is known of a clip yet
 _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.4  # ratio of a stated exposure and the measured one from which on one of them is wrong; origin: by trial
 _CERTAIN = 3.0  # deviations of the measured one, by which they must differ too
 _MILD = 0.25  # of a frame's period: the exposure of a clip whose blur does not show it; too short is the milder error
-_USUAL_READOUT = 0.5  # of a frame's period: the readout of a clip whose motion does not show it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +37,6 @@ class Sources:
     profile_readout: Fact[float] | None = None  # by the camera's profile
     profile_direction: Fact[Direction] | None = None
     table: Readout | None = None  # of published times
-    estimated_readout: Fact[float] | None = None  # from the clip's own pictures
-    estimated_direction: Fact[Direction] | None = None
     measured: Measured | None = None  # from the clip's own frames
 
 
@@ -107,7 +105,7 @@ def exposure_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tu
 def _from_blur(measured: Measured, fps: float) -> Fact[float]:
     """The measured exposure, or the mild one where blur does not show it."""
     if measured.exposure is None:
-        return Fact(value=_MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps))
+        return Fact(value=_MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
     spread = 2 * measured.deviation
     return Fact(
         value=measured.exposure, source="measured from the clip's blur", within=(measured.exposure - spread, measured.exposure + spread)
@@ -141,7 +139,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
         return stated, ()
     notes: tuple[str, ...] = ()
     found: list[Fact[float]] = []
-    for source in (sources.readout, sources.profile_readout, _from_table(sources.table), sources.estimated_readout):
+    for source in (sources.readout, sources.profile_readout, _from_table(sources.table)):
         usable, more = _usable("readout", source, given, sources)
         notes += more
         found += [usable] if usable else []
@@ -165,7 +163,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
 
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
-        return Fact(value=_USUAL_READOUT / fps, source="assumed, half of a frame's period", within=(0.0, 1 / fps))
+        return Fact(value=USUAL / fps, source="assumed, half of a frame's period", within=(0.0, 1 / fps), assumed=True)
     return Fact(value=measured.readout, source="measured from the clip's motion")
 
 
@@ -178,7 +176,7 @@ def direction_of(given: Camera, sources: Sources) -> Fact[Direction]:
             return stated
     if sources.table is not None and sources.table.direction is not Direction.TOP_TO_BOTTOM:
         return Fact(value=sources.table.direction, source="public table")
-    return sources.estimated_direction or Fact(value=Direction.TOP_TO_BOTTOM, source="assumed")
+    return Fact(value=Direction.TOP_TO_BOTTOM, source="assumed", assumed=True)
 
 
 def _scanlines(sources: Sources, direction: Direction) -> int:

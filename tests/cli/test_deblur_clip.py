@@ -1,12 +1,8 @@
 """`rsvideo deblur` and `rsvideo run` on clips, through the installed command and with the real core."""
 
-import contextlib
 import json
-import os
-import signal
 import subprocess
 import time
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,6 +10,7 @@ import numpy as np
 import pytest
 
 from rsvideo.video import decode
+from tests.batch.runs import under_way
 from tests.cli.forked import INSTALLED, call
 from tests.cli.test_bad_input import one_line
 from tests.pipeline.moving import Moving, encode, luma, planes
@@ -241,24 +238,12 @@ def test_two_workers_restore_the_same_bytes_as_one(job: Path) -> None:
     assert shown(job.parent)["deblurred.mkv"] == one["one.mkv"]
 
 
-@contextlib.contextmanager
-def under_way(*words: object) -> Iterator[subprocess.Popen[bytes]]:
-    """A command in the background, in a group of its own that is killed at the end."""
-    null = subprocess.DEVNULL
-    with subprocess.Popen([INSTALLED, *map(str, words)], stdout=null, stderr=null, start_new_session=True) as working:
-        try:
-            yield working
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(working.pid, signal.SIGKILL)
-
-
 @pytest.mark.long
 def test_a_job_killed_at_any_moment_goes_on_to_the_same_result(job: Path) -> None:
     assert rsvideo("run", job, "-j", 1, "--set", "output.folder=whole").returncode == 0
     whole, folder = shown(job.parent / "whole"), job.parent / "restored"
     for kept in (1, 2, 3):
-        with under_way("run", job, "-j", 1) as working:
+        with under_way("run", job, "-j", 1, program=INSTALLED) as working:
             while working.poll() is None and len(list(folder.glob(".rsvideo-*/**/*.zip"))) < kept:
                 time.sleep(0.02)
             assert working.poll() is None, "it was to be killed while it works"

@@ -11,14 +11,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.cli import forked
+from tests.batch.runs import STAND_IN, call, environment, under_way
 
-STAND_IN = Path(__file__).resolve().parents[1] / "batch" / "stand_in.py"
 CLIPS = {"a b.mp4": b"abcdefghijklmn", "\u00fcber.mov": b"klmnopqr", "c.mp4": b"stuvwxyz01234"}
 JOB = """\
 defaults:
@@ -34,10 +33,6 @@ AT_LAST = "a b.mp4 3"  # the first clip's last chunk
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def environment(mishaps: dict[str, object]) -> dict[str, str]:
-    return os.environ | {"PYTHONDONTWRITEBYTECODE": "1"} | {name: str(value) for name, value in mishaps.items()}
-
-
 @pytest.fixture
 def job(tmp_path: Path) -> Path:
     """Three clips, one with a space and one with an umlaut in its name, and a file that asks for them."""
@@ -47,26 +42,6 @@ def job(tmp_path: Path) -> Path:
     path = tmp_path / "job.yaml"
     path.write_text(JOB, encoding="utf-8")
     return path
-
-
-def call(*words: object, how: Callable[[], None] | None = None, **mishaps: object) -> subprocess.CompletedProcess[str]:
-    if how is None:
-        return forked.call(*words, program=STAND_IN, timeout=60, env=environment(mishaps))
-    program = [sys.executable, str(STAND_IN), *map(str, words)]
-    return subprocess.run(program, capture_output=True, encoding="utf-8", timeout=60, env=environment(mishaps), check=False, preexec_fn=how)
-
-
-@contextlib.contextmanager
-def under_way(*words: object, **mishaps: object) -> Iterator[subprocess.Popen[str]]:
-    """A run that works in the background, in a group of its own."""
-    program = [sys.executable, str(STAND_IN), *map(str, words)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(program, stdout=pipe, stderr=pipe, text=True, env=environment(mishaps), start_new_session=True) as working:
-        try:
-            yield working
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(working.pid, signal.SIGKILL)
 
 
 def begun(tally: Path, chunks: int) -> None:

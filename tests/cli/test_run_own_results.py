@@ -14,6 +14,7 @@ import pytest
 
 from rsvideo.batch import ledger
 from rsvideo.cli import exit_codes
+from tests.batch.runs import STAND_IN, environment, under_way
 from tests.robustness import jobs
 
 
@@ -77,7 +78,7 @@ def test_a_result_that_was_changed_is_somebodys(halted: Path, name: str) -> None
 
 def test_what_appears_while_a_job_works_is_kept(job: Path) -> None:
     tally, output = job.with_name("tally"), job.parent / "restored" / "two_rsvideo.mov"
-    with jobs.under_way(job, TALLY=tally, PACE=0.05) as working:
+    with under_way("run", job, TALLY=tally, PACE=0.05) as working:
         while not tally.exists() or "two.mov 0" not in tally.read_text():
             time.sleep(0.01)
         output.write_bytes(jobs.MINE)
@@ -168,8 +169,8 @@ def test_a_file_that_the_job_reads_is_not_written_beside_a_result(job: Path, nam
 
 def test_a_hang_up_ends_a_run_whose_terminal_is_gone(job: Path, whole: jobs.Files) -> None:
     tally = job.with_name("tally")
-    program = [sys.executable, str(jobs.STAND_IN), "run", str(job)]
-    with subprocess.Popen(program, stderr=subprocess.PIPE, env=jobs.environment({"TALLY": tally, "HELD": "two.mov 1"})) as working:
+    program = [sys.executable, str(STAND_IN), "run", str(job)]
+    with subprocess.Popen(program, stderr=subprocess.PIPE, env=environment({"TALLY": tally, "HELD": "two.mov 1"})) as working:
         while not tally.exists() or "two.mov 1" not in tally.read_text():
             time.sleep(0.01)
         children = Path(f"/proc/{working.pid}/task/{working.pid}/children").read_text().split()

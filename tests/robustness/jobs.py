@@ -1,17 +1,12 @@
 """Jobs that are ended, damaged and resumed: the same few clips for all tests, with a core that costs nothing."""
 
-import contextlib
-import os
 import shutil
-import signal
 import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
-from tests.cli import forked
+from tests.batch import runs
 
-STAND_IN = Path(__file__).resolve().parents[1] / "batch" / "stand_in.py"
 CLIPS = {"one.mp4": b"abcdefghijklmnopq", "two.mov": b"klmnopqrst", "three.mp4": b"stuvwxyz01234"}
 JOB = "defaults: {camera: {exposure: 1/50, readout: 20ms, focal_px: 1400}}\nclips: ['clips/*']\n"
 CHUNKS = 5 + 3 + 4
@@ -32,32 +27,9 @@ def make(folder: Path) -> Path:
     return folder / "job.yaml"
 
 
-def environment(mishaps: dict[str, object]) -> dict[str, str]:
-    """Of a run with these mishaps, as tests/batch/stand_in.py describes them."""
-    return os.environ | {"PYTHONDONTWRITEBYTECODE": "1"} | {name: str(value) for name, value in mishaps.items()}
-
-
 def run(job: Path, *words: object, how: Callable[[], None] | None = None, **mishaps: object) -> subprocess.CompletedProcess[str]:
-    """A run to its end; `how` is called in its process before it begins."""
-    if how is None:
-        return forked.call("run", job, *words, program=STAND_IN, timeout=120, env=environment(mishaps))
-    program = [sys.executable, str(STAND_IN), "run", str(job), *map(str, words)]
-    return subprocess.run(
-        program, capture_output=True, encoding="utf-8", timeout=120, env=environment(mishaps), check=False, preexec_fn=how
-    )
-
-
-@contextlib.contextmanager
-def under_way(job: Path, *words: object, **mishaps: object) -> Iterator[subprocess.Popen[str]]:
-    """A run in the background, in a group of its own, of which nothing is left at the end."""
-    program = [sys.executable, str(STAND_IN), "run", str(job), *map(str, words)]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(program, stdout=pipe, stderr=pipe, text=True, env=environment(mishaps), start_new_session=True) as working:
-        try:
-            yield working
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(working.pid, signal.SIGKILL)
+    """A run of the job to its end, as `runs.call` does it."""
+    return runs.call("run", job, *words, how=how, **mishaps)
 
 
 def results(job: Path) -> Files:

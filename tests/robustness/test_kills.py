@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.batch.runs import under_way
 from tests.robustness import jobs
 
 COUNT = 100
@@ -20,7 +21,7 @@ LONGEST = 0.25  # seconds from the beginning of a chunk until the run is ended
 def ended(job: Path, sent: signal.Signals, chance: random.Random) -> int:
     """The exit code of a run that gets a signal, alone or with all its workers, some time after a random chunk was begun."""
     tally, chunks = job.with_name("tally"), chance.randrange(jobs.CHUNKS + 1)
-    with jobs.under_way(job, "-j", chance.choice([1, 2]), PACE=0.01, TALLY=tally) as working:
+    with under_way("run", job, "-j", chance.choice([1, 2]), PACE=0.01, TALLY=tally) as working:
         while working.poll() is None and chunks and not (tally.exists() and tally.read_text().count("\n") >= chunks):
             time.sleep(0.005)
         time.sleep(chance.random() * LONGEST)

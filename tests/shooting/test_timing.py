@@ -21,7 +21,6 @@ STATED = Sources(
     readout=Fact(value=0.012, source="GoPro's telemetry"),
     profile_readout=Fact(value=0.013, source="the profile of Test 1", within=(0.0129, 0.0131)),
     table=TABLE,
-    estimated_readout=Fact(value=0.015, source="estimate from the clip", within=(0.0145, 0.0155)),
 )
 NOTHING = Sources(rows=480, cols=640, fps=25.0)
 
@@ -39,8 +38,7 @@ def without(*names: str) -> Sources:
         (Camera(), (), 0.012, "GoPro's telemetry"),
         (Camera(), ("readout",), 0.013, "the profile of Test 1"),
         (Camera(), ("readout", "profile_readout"), 0.014, "public table, the median of 7 owners for 640 x 480 at 25 fps"),
-        (Camera(), ("readout", "profile_readout", "table"), 0.015, "estimate from the clip"),
-        (Camera(), ("readout", "profile_readout", "table", "estimated_readout"), 0.04, "frame rate"),
+        (Camera(), ("readout", "profile_readout", "table"), 0.04, "frame rate"),
     ],
 )
 def test_the_first_source_that_answers_wins(camera: Camera, missing: tuple[str, ...], readout: float, source: str) -> None:
@@ -85,7 +83,6 @@ def test_sources_that_differ_are_told() -> None:
     assert notes == (
         "readout 12 ms by GoPro's telemetry, but 13 ms by the profile of Test 1",
         "readout 12 ms by GoPro's telemetry, but 14 ms by public table, the median of 7 owners for 640 x 480 at 25 fps",
-        "readout 12 ms by GoPro's telemetry, but 15 ms by estimate from the clip",
     )
     vague = replace(TABLE, low=0.010)
     assert all("public table" not in note for note in resolve(Camera(), replace(STATED, table=vague)).notes)
@@ -168,7 +165,7 @@ def test_a_sideways_readout_counts_columns() -> None:
 
 def test_the_direction_has_its_own_first_source() -> None:
     upwards = Fact(value=Direction.BOTTOM_TO_TOP, source="the profile of Test 1")
-    assert resolve(Camera(), STATED).direction == Fact(value=Direction.TOP_TO_BOTTOM, source="assumed")
+    assert resolve(Camera(), STATED).direction == Fact(value=Direction.TOP_TO_BOTTOM, source="assumed", assumed=True)
     assert resolve(Camera(), replace(STATED, profile_direction=upwards)).timing.direction is Direction.BOTTOM_TO_TOP
     downwards = Fact(value=Direction.TOP_TO_BOTTOM, source="metadata")
     assert resolve(Camera(), replace(STATED, profile_direction=upwards, direction=downwards)).direction is downwards
@@ -187,13 +184,14 @@ def test_what_nobody_states_is_measured() -> None:
     found = resolve(Camera(), MEASURED)
     assert (found.exposure.value, found.readout.value) == (0.004, 0.016)
     assert found.exposure.source == "measured from the clip's blur"
+    assert not any(fact.assumed for fact in (found.exposure, found.readout))
     assert found.exposure.within == pytest.approx((0.0036, 0.0044))
 
 
 def test_what_cannot_be_measured_is_assumed_short() -> None:
     found = resolve(Camera(), replace(NOTHING, measured=Measured(unclear=("too little blur",))))
     assert (found.exposure.value, found.readout.value) == (0.01, 0.02)
-    assert all(fact.source.startswith("assumed") for fact in (found.exposure, found.readout))
+    assert all(fact.assumed for fact in (found.exposure, found.readout))
 
 
 @pytest.mark.parametrize(("stated", "words"), [(0.02, "5 times shorter than an exposure of 1/50 s"), (0.0008, "5 times longer")])
