@@ -15,7 +15,8 @@ import numpy as np
 
 from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
-from rsvideo.frame import FrameResult, Verdict
+from rsvideo.config.sidecar import FrameRecord
+from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.pipeline import clip_frames, given_blur, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
@@ -29,6 +30,7 @@ from rsvideo.video.stream import Colour, Picture
 LONGEST = 32  # frames of a chunk, and fewer of large pictures:
 MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
 SHORTEST = 8  # frames of a chunk at least, however large its pictures: fewer tell too little of the motion; origin: by trial
+_NO_LIGHT = np.zeros((0, 0, 3), np.float32)
 WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
 
 
@@ -57,26 +59,48 @@ def in_view(chunk: Chunk, last: int) -> tuple[int, int]:
     return chunk.first - chunk.warm_up, min(chunk.last + 1 + AHEAD, last)
 
 
+def passed_on(task: Task) -> bool:
+    """Whether pictures are written as they come: nothing needs their light, or their neighbours."""
+    return task.request.deblur.method is Method.NONE and task.request.motion.trajectory is None
+
+
 def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
     """Restore a chunk into a file of `folder`; `observe` gets how much of each frame is done."""
+    done = _as_they_came(task, chunk, observe) if passed_on(task) else _worked_on(task, chunk, folder, observe)
+    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
+    frames: list[FrameRecord] = []
+
+    def shown() -> Iterator[Picture]:
+        for picture, frame in done:
+            frames.append(frame)
+            yield picture
+
+    record.sha256[record.pictures] = planes.write(folder / record.pictures, shown())
+    lines = b"".join(frame.encode() + b"\n" for frame in frames)
+    write_whole({folder / record.frames: lines})
+    record.sha256[record.frames] = hashlib.sha256(lines).hexdigest()
+    missing = {*range(chunk.first, chunk.last + 1)} - {frame.index for frame in frames}
+    return record.model_copy(update={"left_out": tuple(sorted(missing))})
+
+
+def _as_they_came(task: Task, chunk: Chunk, observe: Observer) -> Iterator[tuple[Picture, FrameRecord]]:
+    """The chunk's pictures, one at a time, and that nothing was done with them."""
+    for picture in clip_frames.pictures(task, chunk.first, chunk.last + 1):
+        frame = Frame(pixels=_NO_LIGHT, clipped=_NO_LIGHT > 0, time=picture.time, index=picture.index)
+        result = methods.untouched(task.treatment, frame, Verdict.DAMAGED if picture.damaged else Verdict.UNTOUCHED)
+        yield picture, output.frame_record(result)
+        observe(Progress(stage="passed on", fraction=1.0, frame=picture.index))
+
+
+def _worked_on(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> Iterator[tuple[Picture, FrameRecord]]:
+    """The chunk's pictures as they are shown, and what became of each."""
     pictures = list(clip_frames.pictures(task, *in_view(chunk, task.last)))
     if task.request.deblur.method.steadied:
         pictures = _steadied(task, pictures, folder)
     moving = movement(task.treatment, pictures, task.stream.colour, task.request.motion.trajectory, observe)
-    decoded = {picture.index for picture in pictures}
-    left_out = tuple(index for index in range(chunk.first, chunk.last + 1) if index not in decoded)
-    record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={}, left_out=left_out)
-    lines: list[bytes] = []
-
-    def shown() -> Iterator[Picture]:
-        for picture, result, to_next in restored(task.treatment, chunk, pictures, task.stream.colour, moving, observe):
-            lines.append(output.frame_record(result, to_next).encode() + b"\n")
-            yield colour.codes(result.latent, picture, task.stream.colour) if result.verdict.changed else picture
-
-    record.sha256[record.pictures] = planes.write(folder / record.pictures, shown())
-    write_whole({folder / record.frames: b"".join(lines)})
-    record.sha256[record.frames] = hashlib.sha256(b"".join(lines)).hexdigest()
-    return record
+    for picture, result, to_next in restored(task.treatment, chunk, pictures, task.stream.colour, moving, observe):
+        shown = colour.codes(result.latent, picture, task.stream.colour) if result.verdict.changed else picture
+        yield shown, output.frame_record(result, to_next)
 
 
 def restored(

@@ -3,23 +3,32 @@
 from rsvideo.config import memory
 from rsvideo.config.method import Method
 from rsvideo.config.request import Request
-from rsvideo.pipeline.chunk import AHEAD, WARM_UP, longest
+from rsvideo.pipeline.chunk import AHEAD, WARM_UP, longest, passed_on
 from rsvideo.pipeline.prepare import Task
+from rsvideo.video import encoder
+from rsvideo.video.output_format import chosen
 
 _BYTES_A_PIXEL = {"photograph": 600, "given": 300, "clip": 900, "none": 40}  # as measured from 0.08 to 2.8 Mpx
 
 
 def check(task: Task) -> None:
     """Refuse a task for which there is no memory; UnreadableError."""
-    kind = _kind(task.request)
+    memory.check(task.request.source, f"its pictures are {task.cols} x {task.rows}", _needed(task))
+
+
+def _needed(task: Task) -> float:
+    """Bytes at a time."""
+    if task.request.is_clip and passed_on(task):
+        assert task.encoding is not None
+        codec, _, _ = chosen(task.request.output, task.stream, task.encoding)
+        return encoder.bytes_held(codec, task.rows, task.cols) + task.picture_bytes
     at_a_time = longest(task.picture_bytes) + WARM_UP + AHEAD if task.request.is_clip else 1
-    needed = _BYTES_A_PIXEL[kind] * task.rows * task.cols + min(at_a_time, task.frames) * task.picture_bytes
-    memory.check(task.request.source, f"its pictures are {task.cols} x {task.rows}", needed)
+    return _BYTES_A_PIXEL[_kind(task.request)] * task.rows * task.cols + min(at_a_time, task.frames) * task.picture_bytes
 
 
 def _kind(request: Request) -> str:
-    if request.deblur.method is Method.NONE:
-        return "none"
     if request.is_clip:
         return "clip"
+    if request.deblur.method is Method.NONE:
+        return "none"
     return "given" if request.motion.trajectory else "photograph"

@@ -17,7 +17,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
-USUAL = 0.5  # of a frame's period: the readout of most cameras, and their exposure, where nothing is known of a clip yet
+USUAL = 0.5  # of a frame's period: the readout of most cameras, and their exposure, until a clip has shown its own
 _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.4  # ratio of a stated exposure and the measured one from which on one of them is wrong; origin: by trial
 _CERTAIN = 3.0  # deviations of the measured one, by which they must differ too

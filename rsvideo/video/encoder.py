@@ -11,6 +11,8 @@ from rsvideo.video.part import Part
 from rsvideo.video.stream import Colour, Matrix, Picture, Stream
 
 _CRF = {"h264": 10.0, "hevc": 11.0}  # about the rate of a camera; 14 loses 0.7 dB of a dark forest at 34 dB
+_AHEAD = {"h264": 40, "hevc": 20}  # pictures that are held, by the preset `medium`
+_LEAST_AHEAD, _BYTES_AHEAD = 6, 2_000_000_000  # pictures: x265 needs more than its B-pictures; bytes: 40 pictures of 16 Mpx, 3 a pixel
 _AVX_512F = 13  # of OpenCV's CpuFeatures
 _FEWEST_FOR_B_FRAMES = 8  # pictures; of two, libx265 gives the second a dts behind its pts
 _FULL_RANGE = 2  # FFmpeg's AVCOL_RANGE_JPEG
@@ -52,6 +54,17 @@ def frame(picture: Picture, colour: Colour, video: VideoStream, part: Part) -> V
     return out
 
 
+def bytes_held(codec: str, rows: int, cols: int) -> float:
+    """By the encoder of a clip at most, roughly: as measured at 8 and 63 Mpx."""
+    constant, ahead = {"h264": (40, 3), "hevc": (60, 6.5)}.get(codec, (50, 0))
+    return (constant + ahead * lookahead(codec, rows, cols)) * rows * cols
+
+
+def lookahead(codec: str, rows: int, cols: int) -> int:
+    """Pictures that an encoder holds before it writes one: as its preset says, and fewer of those that are larger than cameras film."""
+    return max(_LEAST_AHEAD, min(_AHEAD.get(codec, 0), _BYTES_AHEAD // (3 * rows * cols)))
+
+
 def _layout(colour: Colour) -> str:
     """FFmpeg's name of the planes; whether the range is full is a tag of its own."""
     return colour.pixel_format.replace("yuvj", "yuv")
@@ -59,15 +72,17 @@ def _layout(colour: Colour) -> str:
 
 def _options(encoding: Encoding, codec: str, colour: Colour, stream: Stream, frames: int) -> dict[str, str]:
     crf = f"{_CRF.get(codec, 0.0) if encoding.quality is None else encoding.quality:g}"
+    ahead = lookahead(codec, stream.rows, stream.cols)
     match codec:
         case "h264":
             # x264's routines for AVX-512 read memory that they never set, and the bytes differ from run to run
             slower = {"x264-params": "asm=avx2"} if cv2.checkHardwareSupport(_AVX_512F) else {}
-            return {"crf": crf, "preset": "medium", **slower}
+            return {"crf": crf, "preset": "medium", "rc-lookahead": f"{ahead}", **slower}
         case "hevc":
             few = ":bframes=0" if frames < _FEWEST_FOR_B_FRAMES else ""
             mastering = "".join(f":{parameter}" for parameter in stream.mastering)
-            return {"crf": crf, "preset": "medium", "x265-params": f"log-level=error:pools={encoding.threads}{few}{mastering}"}
+            parameters = f"log-level=error:pools={encoding.threads}:rc-lookahead={ahead}{few}{mastering}"
+            return {"crf": crf, "preset": "medium", "x265-params": parameters}
         case "prores":
             return {"profile": "hq" if colour.subsampling == "4:2:2" else "4444", "vendor": "apl0"}
         case "dnxhr":

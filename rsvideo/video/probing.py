@@ -24,6 +24,7 @@ from rsvideo.video.sample_tables import MOST_SAMPLES
 from rsvideo.video.stream import Stream, Track
 
 MOST_PIXELS = 100_000_000  # of a picture of a clip: cameras film 12288 x 6480 at most
+_MOST_PIXELS_A_BYTE, _FREE_PIXELS = 10_000, 2_000_000_000  # cameras show 500 at most; the latter are decoded in a minute in any case
 _SLACK, _SLACK_OF_FILE = 0.1, 0.5  # seconds by which a header may promise more than is there: of a track, and of all tracks together
 _LONGEST_S = 10_000_000  # seconds, 115 days
 _MOST_BEFORE_0 = 60  # seconds; sound may begin later than the picture, and a buffer be filled before
@@ -121,7 +122,7 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
     at: list[int | None] = []
     keys: list[int] = []
     durations: list[int] = []
-    shown = None
+    shown, held = None, 0
     for packet in _intact(path, file.demux(video)) if strict else file.demux(video):
         if shown is None:
             with contextlib.suppress(av.error.FFmpegError):
@@ -132,11 +133,17 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
             raise UnreadableError(f"{path} must say when each picture is shown, picture {len(times)} has no time; is it damaged?")
         if packet.is_keyframe:
             keys.append(len(times))
+        held += packet.size
         times.append(packet.pts)
         at.append(packet.pos)
         durations.append(packet.duration or 0)
         if len(times) > MOST_SAMPLES:
             raise UnreadableError(f"{path} must hold at most {MOST_SAMPLES} pictures")
+    if (pixels := len(times) * video.height * video.width) > max(_FREE_PIXELS, _MOST_PIXELS_A_BYTE * held):
+        raise UnreadableError(
+            f"{path} must hold a byte for every {_MOST_PIXELS_A_BYTE} pixels that it shows, it shows {pixels / 1e6:.4g} Mpx and holds"
+            f" {held} bytes of them; is it one picture that stands still for long?"
+        )
     if not times:
         raise UnreadableError(f"{path} holds no picture; is it cut short?")
     mended: dict[int, int] = {}

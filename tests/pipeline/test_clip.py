@@ -2,6 +2,7 @@
 
 import errno
 import json
+import tracemalloc
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -14,6 +15,7 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
 from rsvideo.config.placing import place
 from rsvideo.config.request import Request, option_fields
+from rsvideo.frame import Verdict
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, planned, work
@@ -24,7 +26,7 @@ from rsvideo.progress import Progress
 from rsvideo.video import decode, vidstab
 from rsvideo.video.stream import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
-from tests.video.clips import make, packets
+from tests.video.clips import make, packets, still
 
 KNOWN: dict[str, Any] = {"exposure": 0.02, "readout": 0.02, "focal_px": 192.0}
 
@@ -255,6 +257,19 @@ def test_a_chunk_restored_twice_and_in_any_order_has_the_same_bytes(moving: tupl
     steps = [frame.to_next for frame in frame_records(one[:1], folders[0])]
     assert max(max(map(abs, step[:2])) for step in steps[:-1] if step) > 1
     assert steps[-1] is None  # nothing leads over a cut
+
+
+def test_pictures_that_are_passed_on_are_held_one_at_a_time_and_never_in_linear_light(tmp_path: Path) -> None:
+    source = still(tmp_path / "in.mp4", rows=480, cols=640, frames=12)
+    sections = {"deblur": {"method": "none"}, "camera": {"exposure": 0.01, "readout": 0.01}}
+    task = prepare(Request.model_validate({"source": source, "output": tmp_path / "out.mp4", **sections}))
+    (chunk,) = chunks(task)
+    tracemalloc.start()
+    record = work(task, chunk, tmp_path, silent)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert [frame.verdict for frame in frame_records([record], tmp_path)] == [Verdict.UNTOUCHED] * 12
+    assert most < 6 * task.picture_bytes  # its planes in linear light would be 8
 
 
 def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, Path], tmp_path: Path) -> None:

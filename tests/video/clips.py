@@ -100,6 +100,19 @@ def make(
     return path
 
 
+def still(path: Path, *, rows: int, cols: int, frames: int) -> Path:
+    """One grey picture all the time, in H.264: a few bytes a picture, however large."""
+    with av.open(str(path), "w") as file:
+        track = file.add_stream("libx264", rate=24)
+        assert isinstance(track, VideoStream)
+        track.width, track.height, track.pix_fmt = cols, rows, "yuv420p"
+        frame = VideoFrame.from_ndarray(np.full((rows * 3 // 2, cols), 128, np.uint8), format="yuv420p")
+        for frame.pts in range(frames):
+            file.mux(track.encode(frame))
+        file.mux(track.encode(None))
+    return path
+
+
 def retimed(source: Path, path: Path, pts: Mapping[int, int]) -> Path:
     """The same packets in another file, those of the picture shown at a pts at the one it stands for."""
     with av.open(str(source)) as file, av.open(str(path), "w") as out:

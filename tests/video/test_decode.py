@@ -14,7 +14,7 @@ from rsvideo.config.files import UnreadableError
 from rsvideo.physics.tone import Transfer
 from rsvideo.video.decode import pictures, probe
 from rsvideo.video.stream import Matrix, Picture
-from tests.video.clips import before_0, make, planes, scene
+from tests.video.clips import before_0, make, planes, scene, still
 
 
 def same(one: Picture, other: Picture) -> bool:
@@ -319,6 +319,14 @@ def test_a_clip_cut_short_gives_what_is_there_if_asked(tmp_path: Path) -> None:
     (tmp_path / "b.mp4").write_bytes(data[: int(0.8 * len(data))])
     stream = probe(tmp_path / "b.mp4", on_damage="skip")
     assert 0 < len(list(pictures(stream, on_damage="skip"))) < 12
+
+
+def test_a_few_bytes_that_would_be_decoded_for_hours_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = still(tmp_path / "a.mp4", rows=1080, cols=1920, frames=24)
+    assert probe(path).frames == 24
+    monkeypatch.setattr("rsvideo.video.probing._FREE_PIXELS", 0)
+    with pytest.raises(UnreadableError, match=r"it shows 49.77 Mpx and holds \d+ bytes of them; is it one picture that stands still"):
+        probe(path)
 
 
 def test_pictures_are_not_kept(tmp_path: Path) -> None:
