@@ -56,7 +56,7 @@ def frame(picture: Picture, colour: Colour, video: VideoStream, part: Part) -> V
 
 def bytes_held(codec: str, rows: int, cols: int) -> float:
     """By the encoder of a clip at most, roughly: as measured at 8 and 63 Mpx."""
-    constant, ahead = {"h264": (40, 3), "hevc": (60, 6.5)}.get(codec, (50, 0))
+    constant, ahead = {"h264": (55, 3), "hevc": (60, 6.5)}.get(codec, (50, 0))
     return (constant + ahead * lookahead(codec, rows, cols)) * rows * cols
 
 
