@@ -85,7 +85,9 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
 
 def _as_they_came(task: Task, chunk: Chunk, observe: Observer) -> Iterator[tuple[Picture, FrameRecord]]:
     """The chunk's pictures, one at a time, and that nothing was done with them."""
-    for picture in clip_frames.pictures(task, chunk.first, chunk.last + 1):
+    for picture in clip_frames.pictures(task, *in_view(chunk, task.last)):
+        if not chunk.first <= picture.index <= chunk.last:  # which damaged ones may need all the same
+            continue
         frame = Frame(pixels=_NO_LIGHT, clipped=_NO_LIGHT > 0, time=picture.time, index=picture.index)
         result = methods.untouched(task.treatment, frame, Verdict.DAMAGED if picture.damaged else Verdict.UNTOUCHED)
         yield picture, output.frame_record(result)

@@ -20,13 +20,15 @@ from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, planned, work
 from rsvideo.pipeline.clip import carry_out, finish
-from rsvideo.pipeline.pieces import ChunkRecord, Outcome, frame_records
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome, frame_records
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import Progress
 from rsvideo.video import decode, vidstab
+from rsvideo.video import planes as zipped
 from rsvideo.video.stream import Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets, still
+from tests.video.test_decode import in_the_middle
 
 KNOWN: dict[str, Any] = {"exposure": 0.02, "readout": 0.02, "focal_px": 192.0}
 
@@ -270,6 +272,18 @@ def test_pictures_that_are_passed_on_are_held_one_at_a_time_and_never_in_linear_
     tracemalloc.stop()
     assert [frame.verdict for frame in frame_records([record], tmp_path)] == [Verdict.UNTOUCHED] * 12
     assert most < 6 * task.picture_bytes  # its planes in linear light would be 8
+
+
+def test_a_chunk_that_begins_with_damage_holds_the_picture_before_it(tmp_path: Path) -> None:
+    source = in_the_middle(tmp_path / "in", "libx264", ".mp4")
+    sections = {"deblur": {"method": "none"}, "camera": {"exposure": 0.01, "readout": 0.01}, "input": {"on_damage": "passthrough"}}
+    task = prepare(Request.model_validate({"source": source, "output": tmp_path / "out.mp4", **sections}))
+    whole = list(decode.pictures(task.stream, on_damage="passthrough"))
+    record = work(task, Chunk(index=0, first=5, last=6, warm_up=4), tmp_path, silent)
+    shown = list(zipped.read(tmp_path / record.pictures, task.stream, (5, 6)))
+    assert [frame.verdict for frame in frame_records([record], tmp_path)] == [Verdict.DAMAGED] * 2
+    for one, other in zip(shown, whole[5:7], strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one.planes, other.planes, strict=True)), one.index
 
 
 def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, Path], tmp_path: Path) -> None:
