@@ -15,6 +15,7 @@ class Verdict(enum.StrEnum):
 
     RESTORED = "restored"
     STRAIGHTENED = "straightened, not deblurred: it has too little blur, or blur that its motion does not explain"
+    DISAGREES = "straightened, not deblurred: the blur of its neighbours and its own does not show the exposure that is assumed"
     SHARP = "left as it was: the frame is sharp already"
     NO_TEXTURE = "left as it was: the frame has no texture to measure motion by"
     UNTOUCHED = "left as it was: no restoration was asked for"
@@ -24,7 +25,12 @@ class Verdict(enum.StrEnum):
     @property
     def changed(self) -> bool:
         """Whether the latent image is shown, and not the frame as it came."""
-        return self in (Verdict.RESTORED, Verdict.STRAIGHTENED)
+        return self is Verdict.RESTORED or self.straightened
+
+    @property
+    def straightened(self) -> bool:
+        """Whether the frame is rectified, and as blurred as before."""
+        return self in (Verdict.STRAIGHTENED, Verdict.DISAGREES)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -22,7 +22,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import chunk as chunks
 from rsvideo.progress import Observer, ignore
-from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.video.stream import Picture
 
 Source = Iterable[np.ndarray] | str | PathLike[str]  # a Clip is an iterable too
@@ -37,8 +37,8 @@ class Track:
         steps: (frames, 3) from the pose at the middle of each frame's interval to the next one's, x and y in px, roll in rad; 0 where
             `tied` is False.
         tied: (frames,) whether points lead to the next frame; False at cuts, and of the last.
-        errors: (frames,) how far points depart from the path in one exposure, px. Each frame is restored as far as it bears that out.
-            None for a motion that is given, which is followed as it is.
+        evidence: What points and blur tell of each frame beside its path; each is restored as far as they bear the path out. Without
+            it, a motion is followed as it is.
         times: (frames,) seconds at which each frame's first row opens, counted from the first frame's.
         timing: The shutter of every frame.
         camera: The lens in pixels.
@@ -48,7 +48,7 @@ class Track:
     trajectories: tuple[Trajectory | None, ...] = field(repr=False)
     steps: Float[np.ndarray, "frames 3"] = field(repr=False)
     tied: Bool[np.ndarray, " frames"] = field(repr=False)
-    errors: Float[np.ndarray, " frames"] | None = field(repr=False, default=None)
+    evidence: tuple[Evidence, ...] = field(repr=False, default=())
     times: Float[np.ndarray, " frames"] = field(repr=False)
     timing: ShutterTiming
     camera: Intrinsics
@@ -143,7 +143,7 @@ def track(
         trajectories=tuple(curve and Trajectory(curve=curve) for part in found for curve in part.within),
         steps=np.pad(steps, ((0, 0), (0, 3 - steps.shape[1]))),
         tied=np.array([tied for part in found for tied in part.tied], bool),
-        errors=np.array([error for part in found for error in part.errors], float),
+        evidence=tuple(one for part in found for one in part.evidence),
         times=np.array(times, float),
         timing=camera_found.timing,
         camera=camera_found.intrinsics,
@@ -173,5 +173,5 @@ def _given(track: Track, pictures: list[Picture]) -> Movement:
         raise ValueError(f"trajectory must be a track of the same clip, it holds {len(track.times)} frames and the clip more")
     within = [path and path.curve for path in track.trajectories[first:last]]
     axes = next((curve.coefficients.shape[1] for curve in within if curve), 3)
-    errors = [] if track.errors is None else track.errors[first:last].tolist()
-    return Movement(within=within, steps=track.steps[first:last, :axes], tied=track.tied[first:last].tolist(), errors=errors)
+    steps, tied = track.steps[first:last, :axes], track.tied[first:last].tolist()
+    return Movement(within=within, steps=steps, tied=tied, evidence=[*track.evidence[first:last]])

@@ -18,7 +18,7 @@ NARROWEST = 32  # columns a tile keeps for itself; narrower ones cost more and g
 _INSTANTS = 33  # of a frame's interval, at which the tiles' errors are measured; origin: by trial
 _PARTS, _ROWS = 2, 2  # parts across and lines down the frame whose moves are compared: a homography's change is smooth
 _BENT_PARTS, _BENT_ROWS = 16, 3  # the same through a lens, which bends paths quickest somewhere between middle and edge; origin: by trial
-_BLENDED = 3  # times the error of a blur that a shift of whole scanlines may have, since blending between tiles hides it; origin: by trial
+BLENDED = 3  # times the error of a blur that a shift of whole scanlines may have, since blending between tiles hides it; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: Shutter
         for i in range(len(times) - within + 1)
     )
     whole = float(np.linalg.norm(change, axis=-1).max())  # a shift of whole scanlines, blended between tiles
-    count = parts / 2 * max(spread / (2 * tolerance), whole / (2 * _BLENDED * tolerance))
+    count = parts / 2 * max(spread / (2 * tolerance), whole / (2 * BLENDED * tolerance))
     return int(np.clip(np.ceil(count), 1, max(1, intrinsics.cols // NARROWEST)))
 
 

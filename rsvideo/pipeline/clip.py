@@ -63,11 +63,16 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     notes = writer.notes
     if task.request.motion.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
+    if disagreeing := verdicts[Verdict.DISAGREES]:
+        taken = f"{1000 * task.timing.exposure:.4g} ms"
+        notes += (
+            f"exposure: the blur of {disagreeing} frames does not show {taken}, they were straightened only; give --exposure as it was",
+        )
     outcome = Outcome(
         notes=notes,
         restored=verdicts[Verdict.RESTORED],
         left=verdicts.total() - verdicts[Verdict.RESTORED] - verdicts[Verdict.DAMAGED],
-        straightened=verdicts[Verdict.STRAIGHTENED],
+        straightened=sum(verdicts[verdict] for verdict in Verdict if verdict.straightened),
         failed=verdicts[Verdict.DAMAGED],
         seconds=seconds,
     )

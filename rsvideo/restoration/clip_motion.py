@@ -10,7 +10,7 @@ its precision. Everything here is along the scanlines, but for the `Movement` th
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -23,20 +23,23 @@ from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import CameraPath, exposure_length, follow, polynomial, unexplained, windows, within
-from rsvideo.restoration.focus import focus
-from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.focus import focus, focus_value
+from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.refinement import SCALE
 from rsvideo.restoration.scanlines import to_scanlines
-from rsvideo.restoration.scene import Scene, scene_of, windowed
+from rsvideo.restoration.scene import Scene, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
+from rsvideo.restoration.trust import SHORT, run_share
+from rsvideo.restoration.verdict import longest
 
 TRUST = 2e-3  # tau; origin: by trial
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 STEPS = 6  # of L-BFGS; origin: by trial
 SPARE = 4  # evaluations beyond one a step, for line searches
 TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
+PATH_ERROR = 0.2  # px of blur by which a path may be wrong even where points bear it out; origin: by trial
 COLS = 480  # with most texture, from which a clip's blur is measured
 
 
@@ -73,8 +76,11 @@ def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observ
     run = gather(frames, camera, settings, observe)
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
-    path = refined_by_blur(run, path_from_tracks(run), run.followed)
-    return movement_of(run, path.spline, run.followed)
+    tracked = path_from_tracks(run)
+    path = refined_by_blur(run, tracked, run.followed)
+    return replace(
+        movement_of(run, path.spline, run.followed), evidence=evidence(run, path.spline, share=run_share(_focuses(run, tracked)))
+    )
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -143,21 +149,31 @@ def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> 
     inside = [within(path, float(t), timing) if k else None for t, k in zip(run.begins, frames, strict=True)]
     middles = path.at(run.begins + timing.middle)
     steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array(run.tied)[:, None]
-    return Movement(within=[*inside], steps=steps, tied=run.tied, errors=_errors(run, path)).in_image(run.direction)
+    return Movement(within=[*inside], steps=steps, tied=run.tied).in_image(run.direction)
 
 
-def _errors(run: Run, path: Spline) -> list[float]:
-    """How far points depart from the path in one exposure, px: what depth and moving things leave of each frame's blur unmodelled."""
+def _focuses(run: Run, path: CameraPath) -> list[float]:
+    """The focus of each frame that is blurred enough to have one, along a path that was found without blur."""
+    timing = run.camera.timing
+    cuts = [(scene, within(path.spline, float(t), timing)) for scene, t in zip(run.scenes, run.begins, strict=True)]
+    return [focus_value(reduced(scene), cut) for scene, cut in cuts if longest(run.camera, cut) > SHORT]
+
+
+def evidence(run: Run, path: Spline, *, share: float) -> list[Evidence]:
+    """What the points of each frame do beyond a path, and how far the blur may depart from that."""
     beyond = unexplained(path, run.links, run.begins, run.camera)
     speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
-    return (run.camera.timing.exposure * np.maximum(around[:-1], around[1:])).tolist()
+    coherent = run.camera.timing.exposure * np.maximum(around[:-1], around[1:])
+    return [
+        Evidence(flow=flow, error=float(np.hypot(PATH_ERROR, departure)) if flow else PATH_ERROR, share=share)
+        for flow, departure in zip(_flows(run, beyond), coherent, strict=True)
+    ]
 
 
-def flows_beside(run: Run, path: CameraPath) -> list[Flow | None]:
-    """What the points of each frame do beyond the path that the tracks show."""
+def _flows(run: Run, beyond: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Flow | None]:
+    """The fields that explain how far the points of each pair move beyond the path, and in what time."""
     points: list[list[Points]] = [[] for _ in run.begins]
-    beyond = unexplained(path.spline, run.links, run.begins, run.camera)
     for k, (link, (moved, elapsed)) in enumerate(zip(run.links, beyond, strict=True)):
         points[k].append(Points(at=link.before, moved=moved, elapsed=elapsed))
         points[k + 1].append(Points(at=link.after, moved=moved, elapsed=elapsed))

@@ -31,6 +31,13 @@ def focus(scene: Scene, path: Trajectory) -> tuple[float, Float[np.ndarray, "ter
     return value, gradient
 
 
+def focus_value(scene: Scene, path: Trajectory) -> float:
+    """s(theta) alone."""
+    return sum(
+        weight * sparsity.value(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge) for factor, weight in _TERMS
+    )
+
+
 def focus_map(scene: Scene, path: Trajectory, size: float) -> Float[np.ndarray, "rows cols"]:
     """s(theta) of the `size` px about each pixel; 0 where there is no texture to tell by."""
     total = counted = np.zeros(scene.frame.shape, np.float32)

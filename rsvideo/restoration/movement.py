@@ -17,19 +17,27 @@ _LEAST_WEIGHT = 1e-9  # of the frames at an instant; where none reaches, the sum
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """What points and blur tell of a frame beside its path."""
+
+    flow: Flow | None  # of points beyond the path, along the scanlines always
+    error: float  # px by which the blur of one exposure may depart from path and flow
+    share: float  # of a restoration, 0 to 1: whether the blur of the run bears its path out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Movement:
     """How the camera moved within each frame of a run, and from each to the next; in image axes wherever it is handed on."""
 
     within: list[Trajectory | None]  # None where no point could be followed: such a frame stands alone
     steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next
     tied: list[bool]  # whether the next frame's points were followed; else its step is 0
-    errors: list[float] = field(default_factory=list)  # px by which points' own motion departs from the path in one exposure; 0 by default
-    flows: list[Flow | None] = field(default_factory=list)  # what points do beyond that, along the scanlines always; none by default
+    evidence: list[Evidence] = field(default_factory=list)  # of each frame; none where the motion was given, and is followed as it is
 
     @classmethod
     def unfollowed(cls, frames: int, axes: int) -> "Movement":
         """That of frames of which none could be followed."""
-        return cls(within=[None] * frames, steps=np.zeros((frames, axes)), tied=[False] * frames, errors=[0.0] * frames)
+        return cls(within=[None] * frames, steps=np.zeros((frames, axes)), tied=[False] * frames)
 
     def part(self, first: int, last: int) -> "Movement":
         """That of frames first, ..., last - 1."""
@@ -37,8 +45,7 @@ class Movement:
             within=self.within[first:last],
             steps=self.steps[first:last],
             tied=self.tied[first:last],
-            errors=self.errors[first:last],
-            flows=self.flows[first:last],
+            evidence=self.evidence[first:last],
         )
 
     def along_scanlines(self, direction: Direction) -> "Movement":

@@ -13,14 +13,15 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import search, single_frame
 from rsvideo.restoration.fusion import PosedImage, fused
-from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.movement import Evidence, Movement
+from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import rectified
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.search import Estimator
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
-from rsvideo.restoration.trust import trust
+from rsvideo.restoration.trust import LONG, trust
 from rsvideo.restoration.verdict import beyond, longest
 
 NEIGHBOURS = 3  # frames on either side that a frame is restored with; origin: by trial
@@ -37,6 +38,7 @@ class _Waiting:
     """A frame restored by itself, until its neighbours are there too."""
 
     restored: Restored
+    flow: Flow | None = None
     image: PosedImage | None = None  # None where it cannot serve others, nor they it
     straight: Float[np.ndarray, "rows cols channels"] | None = None  # the frame rectified, shown where the restoration is not trusted
     share: Float[np.ndarray, "rows cols 1"] | float | np.float32 = 1.0  # of the restoration in what is shown
@@ -68,7 +70,7 @@ def restored(
     movement = movement.along_scanlines(camera.timing.direction)
     poses = np.vstack([np.zeros((1, movement.steps.shape[1])), np.cumsum(movement.steps[:-1], axis=0)])
     group = np.cumsum([0, *(not t for t in movement.tied[:-1])])
-    errors = movement.errors or [None] * len(movement.within)
+    beside = movement.evidence or [None] * len(movement.within)
     waiting: dict[int, _Waiting] = {}
 
     def ready(k: int) -> FrameResult:
@@ -79,12 +81,12 @@ def restored(
         return done
 
     count = 0
-    for k, (frame, path, error) in enumerate(zip(frames, movement.within, errors, strict=True)):
+    for k, (frame, path, evidence) in enumerate(zip(frames, movement.within, beside, strict=True)):
         view = to_scanlines(frame, camera)
         if path is None:
             waiting[k] = _Waiting(restored=single_frame.restored(view, settings, estimate=estimate))
         else:
-            waiting[k] = _alone(view, path, poses[k], error, settings)
+            waiting[k] = _alone(view, path, evidence, poses[k], settings)
         observe(Progress(stage="restoring", fraction=ALONE, frame=frame.index))
         count = k + 1
         if k >= reach:
@@ -93,8 +95,8 @@ def restored(
         yield ready(k)
 
 
-def _alone(view: View, path: Trajectory, pose: np.ndarray, error: float | None, settings: Settings) -> _Waiting:
-    """The frame restored by itself, along its path; `error` is None where the path was given, and is not judged."""
+def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.ndarray, settings: Settings) -> _Waiting:
+    """The frame restored by itself, along its path; without evidence the path was given, and is not judged."""
     started = time.monotonic()
     reach = np.ptp(path.at(np.linspace(*view.camera.timing.interval, TIMES))[:, :2], axis=0)
     moved = float(np.clip((np.linalg.norm(reach) - STILL) / (MOVING - STILL), 0, 1))
@@ -104,14 +106,17 @@ def _alone(view: View, path: Trajectory, pose: np.ndarray, error: float | None, 
         return _Waiting(restored=replace(left, verdict=Verdict.UNEXPLAINED))
     if moved == 0:
         return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
-    share = 1.0 if error is None else trust(scene_of(view, settings), path, length)[..., None]
-    straight = view.pixels if error is None else view.pixels + np.float32(moved) * (rectified(view, path).pixels - view.pixels)
+    share, straight, flow = 1.0, view.pixels, evidence and evidence.flow
+    if evidence:
+        straight = view.pixels + np.float32(moved) * (rectified(view, path, flow=flow).pixels - view.pixels)
+        share = evidence.share * trust(scene_of(view, settings, flow), path, length)[..., None] if evidence.share else 0.0
     if np.mean(share) < LEAST_SHARE:
-        done = replace(left, latent=straight, verdict=Verdict.STRAIGHTENED, seconds=time.monotonic() - started)
+        verdict = Verdict.DISAGREES if length > LONG and not (evidence and evidence.share) else Verdict.STRAIGHTENED
+        done = replace(left, latent=straight, verdict=verdict, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
-    noise = single_frame.model_noise(view, error or 0.0)
-    alone = single_frame.restored(view, settings, path=path, noise=noise)
-    waiting = _Waiting(restored=alone, straight=straight, share=np.float32(moved) * share, noise=noise)
+    noise = single_frame.model_noise(view, evidence.error if evidence else 0.0)
+    alone = single_frame.restored(view, settings, path=path, noise=noise, flow=flow)
+    waiting = _Waiting(restored=alone, flow=flow, straight=straight, share=np.float32(moved) * share, noise=noise)
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)
 
@@ -122,5 +127,5 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
     if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
     started, view = time.monotonic(), alone.view
-    latent = fused(tiled_frame(view, alone.trajectory, settings), image, others, view.camera.intrinsics, waiting.noise)
+    latent = fused(tiled_frame(view, alone.trajectory, settings, waiting.flow), image, others, view.camera.intrinsics, waiting.noise)
     return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)

@@ -18,6 +18,7 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.parallax import Flow
 from rsvideo.solvers.banded import BandedHermitian
 from rsvideo.solvers.collaborative_filter import denoise, match
 from rsvideo.solvers.differences import Differences
@@ -171,11 +172,18 @@ def tiled(
     *,
     samples: int,
     tolerance: float,
+    flow: Flow | None = None,
 ) -> TiledFrame:
-    """The frame with its blur along `trajectory`; tolerance is the largest error in px of a tile's path at the tile's edge."""
+    """The frame with its blur along `trajectory`, and the `flow` beyond it; tolerance is the largest error in px at a tile's edge."""
     lens, timing = camera.intrinsics, camera.timing
-    cut = tiles.split(lens.cols, tiles.tiles_needed(trajectory, lens, timing, tolerance), OVERLAP)
-    return tiled_from(cut, lambda tile: (tiles.displacement(tile, trajectory, lens, timing, samples), None), pixels, clipped)
+    count = max(tiles.tiles_needed(trajectory, lens, timing, tolerance), flow.tiles_needed(camera, tolerance) if flow else 1)
+    cut = tiles.split(lens.cols, count, OVERLAP)
+
+    def displaced(tile: Tile) -> tuple[Float[np.ndarray, "rows samples 2"], None]:
+        offsets = tiles.displacement(tile, trajectory, lens, timing, samples)
+        return (offsets + flow.displacement(tile.middle, timing, samples) if flow else offsets), None
+
+    return tiled_from(cut, displaced, pixels, clipped)
 
 
 def tiled_from(

@@ -13,12 +13,15 @@ there is no field.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.distance import cdist
 
+from rsvideo.physics import tiles
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.restoration.tracks import TRACKED
 
 SPEEDS = (0.5, 2.0, 8.0)  # px in the points' time, s T
@@ -52,6 +55,30 @@ class Flow:
     points: Float[np.ndarray, "points 2"]  # px
     weights: Float[np.ndarray, "points 2"]  # px/s
     length: float  # px
+
+    def displacement(self, column: float, timing: ShutterTiming, samples: int) -> Float[np.ndarray, "rows samples 2"]:
+        """How far this motion moves where the scanlines sample the latent image at a column, over their exposures."""
+        rows = np.arange(timing.rows, dtype=float)
+        velocity = self.at(np.stack([np.full(len(rows), column), rows], axis=-1))
+        return (timing.middle - timing.sample_times(samples))[..., None] * velocity[:, None]
+
+    def tiles_needed(self, camera: Camera, tolerance: float) -> int:
+        """How many column tiles keep what the motion at a tile's middle leaves of a blur at its edge below `tolerance` px."""
+        lens, timing = camera.intrinsics, camera.timing
+        most = max(1, lens.cols // tiles.NARROWEST)
+        x, y = np.meshgrid(np.linspace(0, lens.cols - 1, most + 1), np.linspace(0, lens.rows - 1, most))
+        velocity = self.at(np.stack([x, y], axis=-1).reshape(-1, 2)).reshape(most, most + 1, 2)
+        change = float(np.linalg.norm(np.diff(velocity, axis=1), axis=-1).max())  # px/s between columns NARROWEST px apart
+        count = most * change / (2 * tolerance) * max(timing.exposure, timing.interval[1] / (2 * tiles.BLENDED))
+        return int(np.clip(np.ceil(count), 1, most))
+
+    def scaled(self, factor: float) -> "Flow":
+        """In px of the picture made smaller by a factor."""
+        return replace(self, points=factor * (self.points + 0.5) - 0.5, weights=factor * self.weights, length=factor * self.length)
+
+    def from_column(self, first: int) -> "Flow":
+        """In the columns from `first` on."""
+        return replace(self, points=self.points - (first, 0))
 
     def at(self, places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """px/s at each place (column, row)."""

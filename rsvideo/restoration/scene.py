@@ -11,6 +11,7 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Settings
 
@@ -40,6 +41,7 @@ class Scene:
     samples: int  # K, per exposure
     tiles: int  # for three axes
     noise: float  # standard deviation
+    flow: Flow | None = None  # of points beyond the camera's path, in px of this frame
     scale: float = 1.0  # of the frame; paths stay in px of the frame before it was made smaller
 
     def unit(self, axes: int) -> Float[np.ndarray, " axes"]:
@@ -81,7 +83,7 @@ def gradient_power(image: Float[np.ndarray, "rows cols"]) -> float:
     return float((np.diff(image, axis=1) ** 2).mean() + (np.diff(image, axis=0) ** 2).mean())
 
 
-def scene_of(view: View, settings: Settings) -> Scene:
+def scene_of(view: View, settings: Settings, flow: Flow | None = None) -> Scene:
     """What the trajectory of a frame is estimated from."""
     grey = luminance(view.pixels)
     white = max(float(np.percentile(grey, WHITE)), DARKEST_WHITE)
@@ -92,6 +94,7 @@ def scene_of(view: View, settings: Settings) -> Scene:
         valid=valid.astype(np.float32),
         camera=view.camera,
         samples=min(settings.samples, SAMPLES),
+        flow=flow,
         tiles=int(np.clip(round(grey.shape[1] / TILE_COLS), FEWEST_TILES, MOST_TILES)) if grey.shape[1] >= TILED_COLS else 1,
         noise=noise_level(normalised) if view.camera.noise is None else view.noise / view.colour_noise / white,
     )
@@ -112,6 +115,7 @@ def windowed(scene: Scene, cols: int | None = None) -> Scene:
         frame=np.ascontiguousarray(scene.frame[:, part]),
         valid=np.ascontiguousarray(scene.valid[:, part]),
         camera=replace(scene.camera, intrinsics=replace(lens, cx=lens.cx - first, cols=cols)),
+        flow=scene.flow and scene.flow.from_column(first),
     )
 
 
@@ -131,6 +135,7 @@ def halved(scene: Scene) -> Scene:
         samples=math.ceil(scene.samples / 2),
         tiles=max(1, round(scene.tiles / 2)),
         noise=noise_level(frame) if scene.camera.noise is None else scene.noise / 2,  # the mean of four independent pixels
+        flow=scene.flow and scene.flow.scaled(0.5),
         scale=scene.scale / 2,
     )
 

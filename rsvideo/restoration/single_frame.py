@@ -14,6 +14,7 @@ from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import nonblind, scanlines, search
 from rsvideo.restoration.correction import ApproximatePath, corrected
 from rsvideo.restoration.nonblind import TiledFrame
+from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.scene import gradient_power, scene_of
 from rsvideo.restoration.search import ESTIMATED, Estimator
@@ -78,6 +79,7 @@ def restored(
     *,
     path: Trajectory | None = None,
     noise: float | None = None,
+    flow: Flow | None = None,
     start: ApproximatePath | None = None,
     estimate: Estimator = search.estimate,
     observe: Observer = ignore,
@@ -88,7 +90,7 @@ def restored(
     path, latent = centred(found.trajectory, timing.middle), view.pixels
     if found.verdict is Verdict.RESTORED:
         images = nonblind.deblur(
-            tiled_frame(view, path, settings),
+            tiled_frame(view, path, settings, flow),
             prior=settings.prior,
             mu=settings.final_mu,
             noise=view.noise if noise is None else noise,
@@ -118,7 +120,7 @@ def model_noise(view: View, error: float) -> float:
     return float(np.hypot(view.noise, error * np.sqrt(gradient_power(luminance(view.pixels)))))
 
 
-def tiled_frame(view: View, path: Trajectory, settings: Settings) -> TiledFrame:
+def tiled_frame(view: View, path: Trajectory, settings: Settings, flow: Flow | None = None) -> TiledFrame:
     """The frame with its blur along `path`, which is 0 where the latent image is wanted."""
     return nonblind.tiled(
         view.pixels,
@@ -127,4 +129,5 @@ def tiled_frame(view: View, path: Trajectory, settings: Settings) -> TiledFrame:
         view.camera,
         samples=max(settings.samples, math.ceil(longest(view.camera, path))),
         tolerance=settings.tolerance,
+        flow=flow,
     )

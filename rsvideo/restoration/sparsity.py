@@ -158,9 +158,11 @@ def _tile_objective(
 def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"], TileSystem]]:
     """The scene's tiles, each with the displacements of its path samples and its system."""
     lens, timing = scene.camera.intrinsics, scene.camera.timing
-    count = 1 if trajectory.coefficients.shape[1] == 2 else scene.tiles
+    count = 1 if trajectory.coefficients.shape[1] == 2 and not scene.flow else scene.tiles
     for tile in tiles.split(lens.cols, count, 0):
         offsets = tiles.displacement(tile, trajectory, lens, timing, scene.samples)
+        if scene.flow:
+            offsets = offsets + scene.flow.displacement(tile.middle, timing, scene.samples)
         columns = slice(tile.first, tile.last)
         yield tile, offsets, tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
 

@@ -1,4 +1,10 @@
-"""How far a frame's restoration is to be followed at each pixel: only where its blur is long enough, and where the path is in focus."""
+"""How far a restoration is to be followed: only where the blur is long enough, and where the path is in focus.
+
+s, the focus along the path (restoration.focus), scatters about 0 along a wrong path, or one cut to a wrong exposure, and is positive
+along a true one. It is measured twice: over the frames of a run, whose path was found without blur; and about each pixel.
+"""
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -9,8 +15,15 @@ from rsvideo.restoration.focus import focus_map
 from rsvideo.restoration.scene import Scene, reduced
 
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
-OUT_OF_FOCUS, IN_FOCUS = 0.001, 0.005  # s of a region; origin: by trial
+OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
+CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of s that scatter about 0: up to the first, a run's focus may be chance
+
+
+def run_share(focuses: Sequence[float]) -> float:
+    """The share of restorations, 0 to 1, that the focus of a run's frames grants; fewer than two blurred frames grant none."""
+    scatter = float(np.sqrt(np.sum(np.square(focuses))))
+    return float(np.clip((sum(focuses) / scatter - CHANCE) / (CERTAIN - CHANCE), 0, 1)) if scatter else 0.0
 
 
 def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "rows cols"]:

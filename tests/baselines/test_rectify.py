@@ -152,8 +152,9 @@ def test_a_near_thing_that_passes_by_is_put_right_too(direction: Direction, ther
     found = movement(moving, frames)
     ours, plain, before = [], [], []
     for k in (1, 2):
-        assert found.flows[k]
-        shown = [restored(frames[k], found.within[k], moving.timing, moving.camera, flow=flow).latent for flow in (found.flows[k], None)]
+        beyond = found.evidence[k].flow
+        assert beyond
+        shown = [restored(frames[k], found.within[k], moving.timing, moving.camera, flow=flow).latent for flow in (beyond, None)]
         for pixels, into in zip((*shown, frames[k].pixels), (ours, plain, before), strict=True):
             into.append(float((astray(pixels, truth[k]) ** 2).mean()))
     assert np.mean(ours) < np.mean(plain) / 4

@@ -120,7 +120,7 @@ def told(moving: Clip, k: int, found: Movement | None) -> np.ndarray:
     pixels = (0.25 + 0.5 * home / extent).astype(np.float32)  # so that places somewhat outside lie in [0, 1] too
     shown = Frame(pixels=pixels, clipped=np.zeros(pixels.shape, bool))
     if found is not None and (way := found.within[k]) is not None:
-        shown = straight(moving, shown, way, found.flows[k])
+        shown = straight(moving, shown, way, found.evidence[k].flow)
     inside = ~shown.clipped.any(axis=2)
     return ((shown.pixels - 0.25) / 0.5 * extent - here)[inside]
 
@@ -147,7 +147,7 @@ def measured(moving: Clip) -> tuple[float, ...]:
     """Wobble before and after, as the true motion tells it and as corners show it."""
     found = movement(moving.frames, Camera(timing=moving.timing, intrinsics=moving.camera), Settings())
     before, now = (rms([told(moving, k, how) for k in range(len(moving.frames))]) for how in (None, found))
-    ways = zip(moving.frames, found.within, found.flows, strict=True)
+    ways = zip(moving.frames, found.within, [one.flow for one in found.evidence], strict=True)
     shown = [straight(moving, f, w, u) if w else f for f, w, u in ways]
     seen = rms([tracked(f.pixels, t) for f, t in zip(moving.frames, moving.truth, strict=True)])
     left = rms([tracked(f.pixels, t) for f, t in zip(shown, moving.truth, strict=True)])

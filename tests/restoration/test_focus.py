@@ -16,7 +16,7 @@ from rsvideo.restoration.focus import focus, focus_map
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, scene_of
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.trust import LONG, SHORT, trust
+from rsvideo.restoration.trust import LONG, SHORT, run_share, trust
 from rsvideo.restoration.verdict import across, longest
 from tests.pipeline.moving import RATE, Moving
 
@@ -61,6 +61,13 @@ def test_a_restoration_is_followed_where_its_path_is_in_focus(blurred: tuple[Sce
     assert trust(scene, across(true), length).mean() < 0.4
     assert not trust(scene, true, SHORT).any()
     assert focus_map(scene, true, 32).shape == scene.frame.shape
+
+
+def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
+    assert run_share([0.01] * 4) == run_share([0.01] * 20 + [-0.02]) == 1.0
+    assert run_share([0.004, -0.01, 0.02, -0.013]) == 0.0
+    assert run_share([0.01, 0.01]) < 0.5  # by chance one in four times
+    assert run_share([0.01]) == run_share([]) == 0.0
 
 
 def test_half_a_frame_that_does_not_move_along_is_told_apart(blurred: tuple[Scene, Trajectory]) -> None:

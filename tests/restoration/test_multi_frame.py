@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rsvideo.frame import Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration import multi_frame
 from rsvideo.restoration.clip_motion import movement
 from rsvideo.restoration.movement import joined
 from rsvideo.restoration.settings import Settings
@@ -63,6 +65,18 @@ def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(directi
         assert np.sqrt(((wrong - true) ** 2).sum(axis=1).mean()) < (1.2 if outermost else 0.6)
         if np.linalg.norm(np.ptp(true, axis=0)) > 3:
             assert np.sqrt(((wrong + true) ** 2).sum(axis=1).mean()) > 2
+
+
+@pytest.mark.parametrize(("times", "verdict"), [(1.0, Verdict.RESTORED), (2.0, Verdict.DISAGREES)])
+def test_frames_are_deblurred_only_where_their_blur_shows_the_exposure(times: float, verdict: Verdict) -> None:
+    moving = Moving(frames=8, rows=128, cols=192)
+    assumed = replace(moving, exposure=times * moving.exposure)
+    middles = (moving.exposure - assumed.exposure) / 2
+    frames = [replace(frame, time=frame.time + middles) for frame in moving.recorded]
+    found = movement(frames, taken_by(assumed), Settings())
+    assert {one.share for one in found.evidence} == {float(times == 1)}
+    results = list(multi_frame.restored(frames[:2], found.part(0, 2), taken_by(assumed), Settings(frames="alone", prior="tv")))
+    assert [result.verdict for result in results] == [verdict, verdict]
 
 
 def test_a_cut_ends_one_path_and_frames_without_a_neighbour_stand_alone() -> None:

@@ -11,8 +11,9 @@ from rsvideo.physics import simulate, tiles
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, centred
+from rsvideo.physics.trajectory import Polynomial, centred, fit, still
 from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation
+from rsvideo.restoration.parallax import Flow
 
 ROWS, COLS = 96, 192
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
@@ -70,6 +71,19 @@ def test_a_known_motion_is_undone(coefficients):
     case = taken(coefficients, sigma=0.002)
     image = restored(case.blurred, coefficients, noise=0.002)
     assert psnr(image, case.truth) > psnr(case.blurred, case.truth) + 8
+
+
+def test_points_that_all_move_alike_blur_as_a_camera_does_that_moves_back():
+    velocity = np.array([150.0, -80.0])  # px/s
+    camera, frame = Camera(timing=TIMING, intrinsics=CAMERA), taken(SHIFT).blurred
+    alike = Flow(points=np.zeros((1, 2)), weights=velocity[None], length=1e9)
+    rest, clipped, t = still(TIMING.interval, degree=1, axes=2), np.zeros(frame.shape, bool), np.linspace(*TIMING.interval, 9)
+    moved = fit(rest, t, -(t[:, None] - TIMING.middle) * velocity)
+    by_points = tiled(frame, clipped, rest, camera, samples=24, tolerance=0.25, flow=alike)
+    by_camera = tiled(frame, clipped, moved, camera, samples=24, tolerance=0.25)
+    grey = np.ascontiguousarray(frame.mean(axis=2))
+    np.testing.assert_allclose(by_points.blurred(grey), by_camera.blurred(grey), atol=2e-3)
+    assert np.abs(by_camera.blurred(grey) - grey).max() > 0.05
 
 
 def test_another_path_than_the_true_one_restores_less():

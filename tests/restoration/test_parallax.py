@@ -4,6 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from rsvideo.physics import tiles
+from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 
 ROWS, COLS, PERIOD = 120, 200, 1 / 24
@@ -73,6 +76,23 @@ def test_errors_that_are_alike_from_point_to_point_are_no_field_by_themselves() 
 def test_far_from_every_point_nothing_is_said() -> None:
     (found,) = flows([sighted(0)], COLS)
     np.testing.assert_allclose(sure(found).at(np.array([[40.0 * COLS, 0.0]])), 0, atol=1e-3)
+
+
+def test_the_field_is_the_same_in_a_smaller_picture_and_in_some_of_its_columns() -> None:
+    found = sure(flows([sighted(0)], COLS)[0])
+    np.testing.assert_allclose(found.scaled(0.5).at((GRID - 0.5) / 2), found.at(GRID) / 2, rtol=1e-6)
+    np.testing.assert_allclose(found.from_column(40).at(GRID - (40, 0)), found.at(GRID), rtol=1e-6)
+
+
+def test_a_field_that_changes_across_the_picture_needs_more_tiles() -> None:
+    camera = Camera(
+        timing=ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS),
+        intrinsics=Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS),
+    )
+    found = sure(flows([sighted(0)], COLS)[0])
+    even = replace(found, points=np.zeros((1, 2)), weights=np.full((1, 2), 100.0), length=1e9)
+    assert [one.tiles_needed(camera, 0.25) for one in (even, found)] == [1, COLS // tiles.NARROWEST]
+    assert found.tiles_needed(camera, 2.0) < COLS // tiles.NARROWEST
 
 
 def test_time_counts_not_frames() -> None:
