@@ -79,6 +79,16 @@ def test_a_clip_is_closer_to_the_truth_than_before_and_keeps_its_sound(source: P
     assert packets(source, "audio") == packets(tmp_path / "out.mp4", "audio") != []
 
 
+def test_an_exposure_that_blur_does_not_show_is_told_and_nothing_is_deblurred(tmp_path: Path) -> None:
+    moving = Moving(frames=8, rows=128, cols=192)
+    clip = moving.clip(tmp_path / "clip.mp4")
+    wrong = ("--exposure", "1/25", "--readout", "20ms", "--focal-px", str(moving.camera.fx), "--force")
+    done = rsvideo("deblur", clip, "-o", tmp_path / "out.mkv", *wrong, "--codec", "ffv1")
+    assert done.returncode == 0, done.stderr
+    assert "frames does not show 40 ms" in done.stderr
+    assert "0 frames restored" in done.stderr
+
+
 def test_given_motion_is_used_and_gains_more(source: Path, motion: Path, tmp_path: Path) -> None:
     done = rsvideo("deblur", source, "-o", tmp_path / "out.mp4", *GOOD, *QUICK, "--trajectory", motion)
     assert done.returncode == 0, done.stderr
