@@ -171,6 +171,12 @@ def evidence(run: Run, path: Spline, *, share: float) -> list[Evidence]:
     ]
 
 
+def flowing(run: Run, k: int, flow: Flow | None) -> Scene:
+    """The scene of frame k, whose points move by a `flow` over the whole frame."""
+    scene = run.scenes[k]
+    return replace(scene, flow=flow and flow.from_column(round(run.camera.intrinsics.cx - scene.camera.intrinsics.cx)))
+
+
 def _flows(run: Run, beyond: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Flow | None]:
     """The fields that explain how far the points of each pair move beyond the path, and in what time."""
     points: list[list[Points]] = [[] for _ in run.begins]

@@ -1,8 +1,9 @@
 """How long the frames of a clip were exposed: the extent of their blur, against the speed that points between them show.
 
-Points between the frames give the path C through them. Blur shows how much of it one exposure covers. With the path cut to exposures of
-length e about the same middles, f_k(C, e), the sparsity of frame k's latent image (restoration.sparsity), rises with e whatever the
-truth is, for latent images lose edges to any blur; at the true exposure, and only there, it has a dip:
+Points between the frames give the path C through them, and what near and moving things do beside it. Blur shows how much of it one
+exposure covers. With the path cut to exposures of length e about the same middles, f_k(C, e), the sparsity of frame k's latent image
+(restoration.sparsity), rises with e whatever the truth is, for latent images lose edges to any blur; at the true exposure, and only
+there, it has a dip:
 
     s_k(e) = (f_k(C, e / a) + f_k(C, a e)) / 2 - f_k(C, e)
 
@@ -15,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rsvideo.restoration.camera_path import CameraPath, within
-from rsvideo.restoration.clip_motion import Run, path_from_tracks
+from rsvideo.restoration.clip_motion import Run, evidence, flowing, path_from_tracks
 from rsvideo.restoration.scene import Scene, reduced
 from rsvideo.restoration.sparsity import value
 from rsvideo.restoration.verdict import longest
@@ -60,7 +61,8 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     tried, blur = tried[blur >= LEAST_BLUR], blur[blur >= LEAST_BLUR]
     if len(tried) <= 2 * ACROSS_DIP:
         return Unclear(reason="its motion leaves too little blur")
-    scenes = [reduced(run.scenes[k]) for k in frames]
+    beside = evidence(run, path.spline, share=0.0)
+    scenes = [reduced(flowing(run, k, beside[k].flow)) for k in frames]
     dips = _dips(np.array([[_cost(run, path, k, scene, e) for e in tried] for k, scene in zip(frames, scenes, strict=True)]))
     inner = tried[ACROSS_DIP:-ACROSS_DIP]
     mean = dips.mean(axis=0)
