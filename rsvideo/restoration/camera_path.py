@@ -29,6 +29,7 @@ LEAST_FIELD = 0.01  # px
 NODES = 33  # rows at which the basis is averaged; others by linear interpolation
 SAMPLES = 8  # of a row's exposure, over which the basis is averaged
 FIRST_REACH = 8.0  # px a frame's interval, by which the camera is believed to move before tracks are used; origin: by trial
+FIRST_SHARE = 0.25  # of how far points move from frame to frame, which it is at least; else a fast pan is taken for outliers
 LEAST_REACH = 4.0  # px a frame's interval, the least that the prior believes after that; origin: by trial
 NEIGHBOURS = 5  # pieces, half a frame's interval apart, whose median speed one piece is believed to have
 OUTLIER = 2.0  # times the typical residual, at which a point counts half (Cauchy's weights)
@@ -89,7 +90,8 @@ def follow(
     path = about.spline if about else blank(begins, timing, axes)
     pairs = [pair for pair in _pairs(tracks, begins, backwards, camera, path) if len(pair.moved)]
     pieces = _Pieces.of(path, camera)
-    first = np.full(len(pieces.begins), FIRST_REACH * timing.exposure / timing.interval[1])
+    moved = float(np.median([np.median(np.linalg.norm(pair.moved, axis=1)) for pair in pairs])) if pairs else 0.0
+    first = np.full(len(pieces.begins), max(FIRST_REACH, FIRST_SHARE * moved) * timing.exposure / timing.interval[1])
     prior = about.precision if about else pieces.precision(first)
     mean, precision = path.coefficients.ravel(), prior
     variance = np.full(FIELDS, FIELD_REACH**2)

@@ -156,7 +156,7 @@ def _focuses(run: Run, path: CameraPath) -> list[float]:
     """The focus of each frame that is blurred enough to have one, along a path that was found without blur."""
     timing = run.camera.timing
     cuts = [(scene, within(path.spline, float(t), timing)) for scene, t in zip(run.scenes, run.begins, strict=True)]
-    return [focus_value(reduced(scene), cut) for scene, cut in cuts if longest(run.camera, cut) > SHORT]
+    return [focus_value(reduced(scene, length), cut) for scene, cut in cuts if (length := longest(run.camera, cut)) > SHORT]
 
 
 def evidence(run: Run, path: Spline, *, share: float) -> list[Evidence]:

@@ -27,6 +27,7 @@ LEAST_RIDGE, MOST_RIDGE = 1.5e-3, 0.1  # of rho; origin: by trial
 SEARCH_RIDGE = 3.0  # times rho, while paths are searched and judged: origin: by trial
 TEXTURE = 8.0  # times the noise's power, which a frame's gradients must exceed to show motion; origin: by trial
 LARGEST = 720  # px, the longer side up to which a scene is judged as it is; a larger one is halved
+SMALLEST = 160  # px, the shorter side up to which a scene is not halved for its blur
 LEAST_TEXTURE = 1e-7  # and this, white being 1
 _LEAST_POWER = 1e-12  # of gradients, white being 1; a frame without any divides by this
 
@@ -140,8 +141,11 @@ def halved(scene: Scene) -> Scene:
     )
 
 
-def reduced(scene: Scene) -> Scene:
-    """The same, halved until its longer side has at most LARGEST px."""
-    while max(scene.frame.shape) > LARGEST:
+def reduced(scene: Scene, blur: float = 0.0) -> Scene:
+    """The same, halved until its longer side has at most LARGEST px, and its blur, of `blur` px in the whole frame, at most SAMPLES.
+
+    It has as many path samples an exposure as its blur has px: fewer would make a comb of it.
+    """
+    while max(scene.frame.shape) > LARGEST or (blur * scene.scale > SAMPLES and min(scene.frame.shape) > SMALLEST):
         scene = halved(scene)
-    return scene
+    return replace(scene, samples=max(scene.samples, math.ceil(blur * scene.scale)))

@@ -17,13 +17,15 @@ from rsvideo.restoration.scene import Scene, reduced
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
 OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
-CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of s that scatter about 0: up to the first, a run's focus may be chance
+FULL_VOTE = 0.005  # s of a frame, beyond which it hardly counts more, so that no frame outweighs many; origin: by trial
+CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
 
 
 def run_share(focuses: Sequence[float]) -> float:
     """The share of restorations, 0 to 1, that the focus of a run's frames grants; fewer than two blurred frames grant none."""
-    scatter = float(np.sqrt(np.sum(np.square(focuses))))
-    return float(np.clip((sum(focuses) / scatter - CHANCE) / (CERTAIN - CHANCE), 0, 1)) if scatter else 0.0
+    votes = np.tanh(np.array(focuses) / FULL_VOTE)
+    scatter = float(np.sqrt(np.sum(votes**2)))
+    return float(np.clip((votes.sum() / scatter - CHANCE) / (CERTAIN - CHANCE), 0, 1)) if scatter else 0.0
 
 
 def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "rows cols"]:
@@ -31,7 +33,7 @@ def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "r
     rows, cols = scene.frame.shape
     if length <= SHORT:
         return np.zeros((rows, cols), np.float32)
-    scene = reduced(scene)
+    scene = reduced(scene, length)
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))
     share = np.clip((focus - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)

@@ -14,7 +14,7 @@ from rsvideo.restoration.clip_motion import Run, gather
 from rsvideo.restoration.exposure import Exposure, Unclear
 from rsvideo.restoration.focus import focus, focus_map
 from rsvideo.restoration.scanlines import to_scanlines
-from rsvideo.restoration.scene import Scene, scene_of
+from rsvideo.restoration.scene import Scene, reduced, scene_of
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.trust import LONG, SHORT, run_share, trust
 from rsvideo.restoration.verdict import across, longest
@@ -68,6 +68,15 @@ def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
     assert run_share([0.004, -0.01, 0.02, -0.013]) == 0.0
     assert run_share([0.01, 0.01]) < 0.5  # by chance one in four times
     assert run_share([0.01]) == run_share([]) == 0.0
+
+
+def test_a_scene_of_long_blur_is_made_smaller_and_its_path_sampled_at_every_pixel(blurred: tuple[Scene, Trajectory]) -> None:
+    scene = blurred[0]
+    large = replace(scene, frame=np.tile(scene.frame, (4, 3)), valid=np.tile(scene.valid, (4, 3)))
+    assert reduced(large, 20.0).scale == 1.0
+    assert reduced(large, 40.0).scale == 0.5
+    assert reduced(large, 40.0).samples >= 20
+    assert reduced(scene, 40.0).samples >= 40  # too small to be halved
 
 
 def test_half_a_frame_that_does_not_move_along_is_told_apart(blurred: tuple[Scene, Trajectory]) -> None:
