@@ -30,8 +30,8 @@ from rsvideo.video.stream import Colour, Picture
 LONGEST = 32  # frames of a chunk, and fewer of large pictures:
 MOST_BYTES = 256 << 20  # of a chunk's pictures as decoded
 SHORTEST = 8  # frames of a chunk at least, however large its pictures: fewer tell too little of the motion; origin: by trial
-_NO_LIGHT = np.zeros((0, 0, 3), np.float32)
 WARM_UP, AHEAD = 4, 2  # frames before and behind a chunk that its motion is found with
+_NO_LIGHT = np.zeros((0, 0, 3), np.float32)  # of a picture that is passed on
 
 
 def chunks(task: Task) -> list[Chunk]:

@@ -77,7 +77,7 @@ def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe
         yield from (_with_source(treatment, result) for result in results)
         return
     moving = moving.along_scanlines(camera.timing.direction)
-    for frame, path, evidence in zip(frames, moving.within, moving.evidence or [None] * len(moving.within), strict=True):
+    for frame, path, evidence in zip(frames, moving.within, moving.beside, strict=True):
         yield _with_source(treatment, _single(treatment, to_scanlines(frame, camera), path, evidence and evidence.flow))
         observe(Progress(stage="restoring", fraction=1.0, frame=frame.index))
 

@@ -34,6 +34,11 @@ class Movement:
     tied: list[bool]  # whether the next frame's points were followed; else its step is 0
     evidence: list[Evidence] = field(default_factory=list)  # of each frame; none where the motion was given, and is followed as it is
 
+    @property
+    def beside(self) -> Sequence[Evidence | None]:
+        """The evidence of each frame, None where the motion was given."""
+        return self.evidence or [None] * len(self.within)
+
     @classmethod
     def unfollowed(cls, frames: int, axes: int) -> "Movement":
         """That of frames of which none could be followed."""

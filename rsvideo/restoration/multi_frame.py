@@ -70,7 +70,6 @@ def restored(
     movement = movement.along_scanlines(camera.timing.direction)
     poses = np.vstack([np.zeros((1, movement.steps.shape[1])), np.cumsum(movement.steps[:-1], axis=0)])
     group = np.cumsum([0, *(not t for t in movement.tied[:-1])])
-    beside = movement.evidence or [None] * len(movement.within)
     waiting: dict[int, _Waiting] = {}
 
     def ready(k: int) -> FrameResult:
@@ -81,7 +80,7 @@ def restored(
         return done
 
     count = 0
-    for k, (frame, path, evidence) in enumerate(zip(frames, movement.within, beside, strict=True)):
+    for k, (frame, path, evidence) in enumerate(zip(frames, movement.within, movement.beside, strict=True)):
         view = to_scanlines(frame, camera)
         if path is None:
             waiting[k] = _Waiting(restored=single_frame.restored(view, settings, estimate=estimate))

@@ -18,7 +18,7 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.parallax import Flow, displacement
 from rsvideo.solvers.banded import BandedHermitian
 from rsvideo.solvers.collaborative_filter import denoise, match
 from rsvideo.solvers.differences import Differences
@@ -178,12 +178,7 @@ def tiled(
     lens, timing = camera.intrinsics, camera.timing
     count = max(tiles.tiles_needed(trajectory, lens, timing, tolerance), flow.tiles_needed(camera, tolerance) if flow else 1)
     cut = tiles.split(lens.cols, count, OVERLAP)
-
-    def displaced(tile: Tile) -> tuple[Float[np.ndarray, "rows samples 2"], None]:
-        offsets = tiles.displacement(tile, trajectory, lens, timing, samples)
-        return (offsets + flow.displacement(tile.middle, timing, samples) if flow else offsets), None
-
-    return tiled_from(cut, displaced, pixels, clipped)
+    return tiled_from(cut, lambda tile: (displacement(tile, trajectory, flow, camera, samples), None), pixels, clipped)
 
 
 def tiled_from(

@@ -22,6 +22,8 @@ from scipy.spatial.distance import cdist
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.tiles import Tile
+from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.tracks import TRACKED
 
 SPEEDS = (0.5, 2.0, 8.0)  # px in the points' time, s T
@@ -83,6 +85,12 @@ class Flow:
     def at(self, places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """px/s at each place (column, row)."""
         return _kernel(places, self.points, self.length) @ self.weights
+
+
+def displacement(tile: Tile, path: Trajectory, flow: Flow | None, camera: Camera, samples: int) -> Float[np.ndarray, "rows samples 2"]:
+    """Where the tile's scanlines sample the latent image over their exposures, relative to the pixel: along the path, less the flow."""
+    offsets = tiles.displacement(tile, path, camera.intrinsics, camera.timing, samples)
+    return offsets + flow.displacement(tile.middle, camera.timing, samples) if flow else offsets
 
 
 def concatenated(parts: Sequence[Points]) -> Points:

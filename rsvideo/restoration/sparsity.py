@@ -28,6 +28,7 @@ from rsvideo.physics.row_fourier import RowFourier
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.nonblind import TileSystem, tile_system
+from rsvideo.restoration.parallax import displacement
 from rsvideo.restoration.scene import Scene
 from rsvideo.solvers.banded import BandedFactor
 
@@ -157,12 +158,9 @@ def _tile_objective(
 
 def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"], TileSystem]]:
     """The scene's tiles, each with the displacements of its path samples and its system."""
-    lens, timing = scene.camera.intrinsics, scene.camera.timing
     count = 1 if trajectory.coefficients.shape[1] == 2 and not scene.flow else scene.tiles
-    for tile in tiles.split(lens.cols, count, 0):
-        offsets = tiles.displacement(tile, trajectory, lens, timing, scene.samples)
-        if scene.flow:
-            offsets = offsets + scene.flow.displacement(tile.middle, timing, scene.samples)
+    for tile in tiles.split(scene.camera.intrinsics.cols, count, 0):
+        offsets = displacement(tile, trajectory, scene.flow, scene.camera, scene.samples)
         columns = slice(tile.first, tile.last)
         yield tile, offsets, tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
 

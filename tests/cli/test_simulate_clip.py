@@ -6,18 +6,14 @@ import cv2
 import numpy as np
 import pytest
 import skimage.data
-import typer
 
-from rsvideo.cli import exit_codes
-from rsvideo.cli.simulate import simulate
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import colour, decode
 from tests.cli.forked import call
+from tests.cli.test_simulate import VERB, refused
 from tests.pipeline.moving import encode, luma, planes
 
-VERB = typer.Typer()
-VERB.command()(simulate)
 SHUTTER = ["--exposure", "1/50", "--readout", "20ms"]
 STEP = 3  # px that the scene moves to the left from frame to frame
 FRAMES = 12
@@ -52,15 +48,6 @@ def case(sharp, tmp_path_factory):
 def made(source, output, *words):
     VERB(["--from-clip", str(source), "-o", str(output), *SHUTTER, *map(str, words)], standalone_mode=False)
     return output
-
-
-def refused(code, *words):
-    """The line that the front door prints, without a second process."""
-    with pytest.raises(Exception) as caught:  # noqa: PT011 # which one is between the verb and the front door
-        VERB([*map(str, words)], standalone_mode=False)
-    found, line = exit_codes.code_and_line(caught.value)
-    assert found == code, line
-    return line
 
 
 def test_a_folder_holds_the_clip_its_truth_and_its_facts(case):
