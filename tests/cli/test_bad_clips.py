@@ -4,6 +4,7 @@ import os
 import resource
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from fractions import Fraction
@@ -14,7 +15,7 @@ import pytest
 
 from rsvideo.shooting.given_motion import COLUMNS
 from rsvideo.video.decode import pictures, probe
-from tests.cli.conftest import INSTALLED, Run
+from tests.cli.conftest import STAND_IN, Run
 from tests.cli.test_bad_input import one_line
 from tests.video import test_decode as bad_clips
 from tests.video import test_sequence as bad_sequences
@@ -133,10 +134,10 @@ def test_a_full_disk_leaves_what_stood_there(rsvideo: Run, tmp_path: Path, name:
 
 
 def working_on(folder: Path) -> subprocess.Popen[str]:
-    """A clip being restored, as soon as it is under way."""
-    path = make(folder / "in.mp4", rows=240, cols=320, frames=48)
-    words = [INSTALLED, "deblur", path, "-o", folder / "out.mp4", "--exposure", "1/50", "--readout", "20ms", "--focal-px", "300"]
-    working = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    """A clip being restored, as soon as it is under way; it would take minutes."""
+    words = [sys.executable, STAND_IN, "deblur", make(folder / "in.mp4"), "-o", folder / "out.mp4", *GOOD]
+    environment = os.environ | {"DAWDLE": "60"}
+    working = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
     while working.poll() is None and not list(folder.glob(".rsvideo-*/*")):
         time.sleep(0.02)
     return working
