@@ -8,7 +8,7 @@ from rsvideo.config import request
 from rsvideo.restoration.settings import Settings as RestorationSettings
 
 Motion = Literal["rotation", "shift"]
-Start = Literal["kernels", "tracing"]
+Start = Literal["spectra", "kernels", "tracing"]
 Refinement = Literal["sparsity", "alternation"]
 Prior = Literal["denoiser", "tv"]
 Frames = Literal["together", "alone", "cold"]
@@ -24,7 +24,8 @@ class Settings:
     Args:
         motion: "rotation" is all three angles of the camera; "shift" is the paper's, which needs no focal length.
         degree: Of the polynomial that is the trajectory of one picture, 1 to 12.
-        start: Where the first trajectory comes from: a fit of the rows' PSFs ("kernels"), or the paper's tracing.
+        start: Where the first trajectory comes from: the power spectra of patches ("spectra"), a fit of PSFs to the kernels of strips
+            ("kernels"), or the paper's tracing of these ("tracing").
         refinement: How it is refined: with the latent image eliminated ("sparsity"), or by the paper's Algorithm 1 ("alternation").
         prior: What a sharp picture is taken to look like: "denoiser" (collaborative filtering), or the paper's total variation, "tv".
         frames: Of a clip: each restored with its neighbours ("together"), along the clip's path only ("alone"), or as a still ("cold").

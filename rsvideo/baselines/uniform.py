@@ -13,8 +13,9 @@ from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics import tiles
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import still
-from rsvideo.restoration import nonblind, psf_fit, scanlines, search
+from rsvideo.restoration import nonblind, psf_fit, scanlines
 from rsvideo.restoration.blind_kernel import FULL, SIZES, KernelSettings, border_share, fitted
+from rsvideo.restoration.kernel_search import SHARP_KERNEL
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.scene import Scene, scene_of, windowed
 from rsvideo.restoration.settings import Settings
@@ -52,7 +53,7 @@ def _first_kernel(scene: Scene) -> tuple[Verdict, Float[np.ndarray, "k k"]]:
         return Verdict.NO_TEXTURE, np.ones((1, 1), np.float32)
     part = windowed(scene).frame
     as_strip, kernel = (fitted(part, SIZES[:1], settings) for settings in (KernelSettings(), KERNELS))
-    sharp = min(psf_fit.length(as_strip), psf_fit.length(kernel)) < search.SHARP_KERNEL
+    sharp = min(psf_fit.length(as_strip), psf_fit.length(kernel)) < SHARP_KERNEL
     return Verdict.SHARP if sharp else Verdict.RESTORED, kernel
 
 

@@ -118,7 +118,7 @@ class Motion(Section):
 
     model: Annotated[Literal["rotation", "shift"], Option(help="All three angles, or the paper's shift.", named="--motion")] = "rotation"
     degree: Annotated[int, Field(ge=1, le=12), Option(help="Of the trajectory's polynomial.")] = 4
-    start: Annotated[Literal["kernels", "tracing"], Option(help="How the first trajectory is found.")] = "kernels"
+    start: Annotated[Literal["spectra", "kernels", "tracing"], Option(help="What the first trajectory is found from.")] = "spectra"
     refinement: Annotated[
         Literal["sparsity", "alternation"],
         Option(help="Of it, where a frame stands alone: latent image eliminated, or the paper's Algorithm 1."),

@@ -8,9 +8,9 @@ from itertools import islice
 from rsvideo.paper.alternation import PaperSettings, alternate
 from rsvideo.paper.tracing import trace
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration import search
+from rsvideo.restoration import kernel_search
+from rsvideo.restoration.estimate import ESTIMATED, Estimate
 from rsvideo.restoration.scene import Scene
-from rsvideo.restoration.search import ESTIMATED, Estimate
 from rsvideo.restoration.settings import Settings
 
 STARTED = 0.15  # of a frame's work is done when the first trajectory is found
@@ -23,7 +23,7 @@ def chosen(settings: Settings) -> bool:
 
 def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
     """The trajectory from tracing or from a fit of the strips' kernels, by alternation or by the race; the last estimate is the answer."""
-    first = yield from search.first_paths(scene, settings)
+    first = yield from kernel_search.first_paths(scene, settings)
     if first is None:
         return
     if settings.start == "tracing":
@@ -32,7 +32,7 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
     if settings.refinement == "alternation":
         yield from alternated(first.part, first.candidates[0].trajectory, settings)
     else:
-        yield from search.race(scene, first, settings)
+        yield from kernel_search.race(scene, first, settings)
 
 
 def alternated(scene: Scene, start: Trajectory, settings: Settings) -> Iterator[Estimate]:

@@ -15,10 +15,10 @@ from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import clip_motion, multi_frame, search, single_frame
+from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View, to_scanlines
-from rsvideo.restoration.search import Estimator
 from rsvideo.restoration.settings import Settings
 
 

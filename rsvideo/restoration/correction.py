@@ -8,11 +8,11 @@ import numpy as np
 
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Spline, Trajectory, fit, still
+from rsvideo.restoration.estimate import ESTIMATED, Estimate
 from rsvideo.restoration.hand_shake import SPREAD, pose_unit
 from rsvideo.restoration.refinement import Prior, refine
 from rsvideo.restoration.scanlines import path_along_scanlines
 from rsvideo.restoration.scene import Scene, windowed
-from rsvideo.restoration.search import ESTIMATED, Estimate
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.verdict import longest
 

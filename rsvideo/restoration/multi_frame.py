@@ -12,13 +12,13 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import search, single_frame
+from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.fusion import PosedImage, fused
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import rectified
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
-from rsvideo.restoration.search import Estimator
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
 from rsvideo.restoration.trust import LONG, trust

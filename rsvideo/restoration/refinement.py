@@ -1,18 +1,30 @@
-"""A local minimum of f, the sparsity of the restored picture, under a prior on the trajectory."""
+"""A local minimum of f, the sparsity of the restored picture, or a local maximum of the focus, under a prior on the trajectory."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import OptimizeResult, minimize
 
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.focus import focus
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.sparsity import objective
 
 SCALE = 100.0  # what L-BFGS is handed f times, since its first step is as long as the gradient; origin: by trial
 TOLERANCE = 1e-5  # relative fall of the objective that ends L-BFGS
 SPARE = 6  # evaluations beyond one a step, for line searches
+
+
+@runtime_checkable
+class Belief(Protocol):
+    """What is believed of the coefficients but the constants, whatever the picture's sparsity says."""
+
+    def at(self, coefficients: Float[np.ndarray, "terms axes"]) -> tuple[float, Float[np.ndarray, "terms axes"]]:
+        """The penalty and its derivative."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,8 +53,27 @@ class Refined:
     values: tuple[float, ...]  # after each step
 
 
-def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps: int) -> Refined:
+def refine(scene: Scene, start: Trajectory, prior: Belief, *, ridge: float, steps: int) -> Refined:
     """Minimise f(theta) + prior(theta) from `start` by L-BFGS; the constant terms are a gauge and stay."""
+    return _descended(scene, start, prior, lambda path: objective(scene, path, ridge), steps)
+
+
+def focused(scene: Scene, start: Trajectory, prior: Belief, *, steps: int) -> Refined:
+    """Minimise prior(theta) - s(theta) likewise, s being the focus of restoration.focus, which does not prefer short paths as f does."""
+
+    def blurred(path: Trajectory) -> tuple[float, np.ndarray]:
+        value, slope = focus(scene, path)
+        return -value, -slope
+
+    return _descended(scene, start.with_coefficients(_still(start.coefficients)), prior, blurred, steps)
+
+
+def _still(coefficients: Float[np.ndarray, "terms axes"]) -> Float[np.ndarray, "terms axes"]:
+    """Without the constant terms."""
+    return np.vstack([0 * coefficients[:1], coefficients[1:]])
+
+
+def _descended(scene: Scene, start: Trajectory, prior: Belief, of: Callable[[Trajectory], tuple[float, np.ndarray]], steps: int) -> Refined:
     terms, axes = start.coefficients[1:].shape
     unit = np.ones(axes)
     unit[2:] = scene.scale / scene.camera.intrinsics.fx  # px to rad
@@ -57,7 +88,7 @@ def refine(scene: Scene, start: Trajectory, prior: Prior, *, ridge: float, steps
 
     def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
         trajectory = unpacked(z)
-        value, gradient = objective(scene, trajectory, ridge)
+        value, gradient = of(trajectory)
         penalty, slope = prior.at(trajectory.coefficients[1:])
         return SCALE * (value + penalty), SCALE * ((gradient[1:] + slope) * unit).ravel()
 

@@ -13,7 +13,7 @@ class Settings:
 
     motion: Literal["rotation", "shift"] = "rotation"
     degree: int = 4  # P; a quartic fits 40 ms of measured hand shake to 0.004-0.035 px RMS, a cubic to several times that
-    start: Literal["kernels", "tracing"] = "kernels"  # the first trajectory: a fit of rendered PSFs, or the paper's tracing
+    start: Literal["spectra", "kernels", "tracing"] = "spectra"  # the first trajectory: of patches, of strips with PSFs, or traced
     refinement: Literal["sparsity", "alternation"] = "sparsity"  # latent image eliminated, or the paper's Algorithm 1
     prior: Literal["denoiser", "tv"] = "denoiser"
     samples: int = 30  # K, path samples an exposure (the paper's, Sec. 5); a longer path takes one a pixel

@@ -13,11 +13,11 @@ from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import nonblind, scanlines, search
 from rsvideo.restoration.correction import ApproximatePath, corrected
+from rsvideo.restoration.estimate import ESTIMATED, Estimator
 from rsvideo.restoration.nonblind import TiledFrame
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.scene import gradient_power, scene_of
-from rsvideo.restoration.search import ESTIMATED, Estimator
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.verdict import judge, longest
 
@@ -112,7 +112,7 @@ def _found(view: View, settings: Settings, start: ApproximatePath | None, estima
     for last in estimate(scene, settings) if start is None else corrected(scene, start, settings):
         observe(Progress(stage=last.stage, fraction=last.fraction))
     assert last is not None  # an estimator yields at least once
-    return _Found(trajectory=last.trajectory, verdict=judge(scene, last.trajectory), values=last.values)
+    return _Found(trajectory=last.trajectory, verdict=judge(scene, last.trajectory, last.evidence), values=last.values)
 
 
 def model_noise(view: View, error: float) -> float:

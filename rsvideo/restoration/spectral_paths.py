@@ -1,0 +1,158 @@
+"""The first trajectories of a frame: the paths that explain the power spectra of its patches best, each with its mirror image."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import minimize
+
+from rsvideo.physics.trajectory import Trajectory, fit, still
+from rsvideo.restoration.hand_shake import pose_unit, shake_spread
+from rsvideo.restoration.scene import Scene, halved
+from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
+from rsvideo.restoration.verdict import beyond, longest
+
+LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
+LARGEST_SIDE = 960  # px, of a scene that is searched; larger ones are halved
+LONGEST = 34.0  # px; of longer blurs the coarser resolution judges, in whose patches they have room
+ALSO = 2  # paths of the other resolution are handed on
+TURN = 2.5  # px by which the ends of neighbouring ones lie apart, and at least
+FEWEST_TURNS = 6  # directions
+OF_A_LENGTH, OF_ALL, START_STEPS = 2, 6, 12  # the best of each length, and of all besides, are settled by so many steps,
+SETTLED, SETTLING_STEPS = 4, 25  # and the best of those that differ settled further
+APART = 0.7  # px, RMS over the interval, by which two paths differ
+TYPICAL = 12.0  # px, the length that the belief about a hand's path is scaled with
+STIFFNESS = 3e-3  # of that belief, beside the misfit
+SCALE = 100.0  # what L-BFGS is handed the misfit times, since its first step is as long as the gradient
+TIMES = 33  # at which paths are compared
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpectralBelief:
+    """What the spectra and a hand's habits say of a path's coefficients, times a weight; in place of a prior."""
+
+    spectrum: Spectrum
+    weight: float = 1.0
+
+    @property
+    def spread(self) -> Float[np.ndarray, "unknowns axes"]:
+        """Plausible size of each coefficient."""
+        terms, axes = self.spectrum.curve.coefficients.shape
+        camera = self.spectrum.scene.camera
+        unit = pose_unit(camera.intrinsics, axes) / self.spectrum.scene.unit(axes)  # px of the whole frame
+        return TYPICAL * shake_spread(terms - 1, camera.timing)[:, None] * unit
+
+    def at(self, coefficients: Float[np.ndarray, "unknowns axes"]) -> tuple[float, Float[np.ndarray, "unknowns axes"]]:
+        """The penalty and its derivative."""
+        misfit, slope = self.spectrum.misfit(coefficients)
+        unlikely = coefficients / self.spread
+        value = misfit + STIFFNESS * float((unlikely**2).sum())
+        return self.weight * value, self.weight * (slope + 2 * STIFFNESS * unlikely / self.spread)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpectralPath:
+    """A path that the spectra allow."""
+
+    trajectory: Trajectory
+    misfit: float  # with the belief
+
+
+def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, list[Trajectory]] | None:
+    """Distinct paths that lead to a minimum of the misfit, best first, and what they are to be judged by; None without texture.
+
+    They are looked for at the scene's own resolution, or one that serves, and at half of it, where long blurs fit into a patch and
+    texture deceives less. The misfit is even: the mirror image -p of each path explains the spectra as well.
+    """
+    while max(scene.frame.shape) > LARGEST_SIDE:
+        scene = halved(scene)
+    fine = _minima(scene, settings)
+    coarse = _minima(halved(scene), settings) if min(scene.frame.shape) >= 2 * SIDE else None
+    if fine is None or not fine[1]:
+        return coarse and (coarse[0], [each.trajectory for each in coarse[1]])
+    if coarse is None or not coarse[1]:
+        return fine[0], [each.trajectory for each in fine[1]]
+    if min(longest(scene.camera, _in_pixels(scene, level[1][0].trajectory)) for level in (fine, coarse)) > LONGEST:
+        fine, coarse = coarse, fine
+    times, belief = np.linspace(*scene.camera.timing.interval, TIMES), fine[0]
+    paths = [each.trajectory for each in fine[1]]
+    for each in coarse[1][:ALSO]:
+        if all(min(apart(each.trajectory, other, times, sign) for sign in (1, -1)) > APART for other in paths):
+            paths.append(each.trajectory)
+    return belief, paths
+
+
+def _minima(scene: Scene, settings: Settings) -> tuple[SpectralBelief, list[SpectralPath]] | None:
+    """The misfit's, at a scene's own resolution."""
+    observed = patches(scene)
+    if observed is None:
+        return None
+    curve = still(scene.camera.timing.interval, degree=settings.degree, axes=settings.axes)
+    belief = SpectralBelief(spectrum=Spectrum(scene=scene, patches=observed, curve=curve))
+    tried = [sorted(_even(belief, curve, length), key=lambda each: each.misfit) for length in LENGTHS]
+    starts = [each for some in tried for each in some[:OF_A_LENGTH]]
+    starts += sorted((each for some in tried for each in some[OF_A_LENGTH:]), key=lambda each: each.misfit)[:OF_ALL]
+    found = _distinct([settled(belief, each.trajectory, START_STEPS) for each in starts], scene)
+    return belief, _distinct([settled(belief, each.trajectory, SETTLING_STEPS) for each in found[:SETTLED]], scene)
+
+
+def settled(belief: SpectralBelief, path: Trajectory, steps: int) -> SpectralPath:
+    """The local minimum near a path."""
+    spread = belief.spread
+
+    def of(z: np.ndarray) -> Trajectory:
+        return path.with_coefficients(np.vstack([0 * path.coefficients[:1], z.reshape(spread.shape) * spread]))
+
+    def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = belief.at(of(z).coefficients[1:])
+        return SCALE * value, SCALE * (slope * spread).ravel()
+
+    start = (path.coefficients[1:] / spread).ravel()
+    found = minimize(penalised, start, jac=True, method="L-BFGS-B", options={"maxiter": steps})
+    return SpectralPath(trajectory=of(found.x), misfit=float(found.fun) / SCALE)
+
+
+def _even(belief: SpectralBelief, curve: Trajectory, length: float) -> Iterator[SpectralPath]:
+    """Even motions of `length` px an exposure, over half of all directions."""
+    scene, timing = belief.spectrum.scene, belief.spectrum.scene.camera.timing
+    times = np.linspace(*timing.interval, TIMES)
+    rate = np.zeros((TIMES, curve.coefficients.shape[1]))
+    rate[:, 0] = (times - timing.middle) * length / (timing.exposure * scene.scale)
+    even = fit(curve, times, rate).coefficients[:, 0]
+    count = max(FEWEST_TURNS, int(np.ceil(np.pi * length / TURN)))
+    for angle in np.arange(count) * np.pi / count:
+        coefficients = np.zeros_like(curve.coefficients)
+        coefficients[:, 0], coefficients[:, 1] = even * np.cos(angle), even * np.sin(angle)
+        path = curve.with_coefficients(coefficients)
+        if not beyond(scene.camera, _in_pixels(scene, path)):
+            yield SpectralPath(trajectory=path, misfit=belief.spectrum.value(path))
+
+
+def _distinct(paths: list[SpectralPath], scene: Scene) -> list[SpectralPath]:
+    """Best first, of those that are alike, or each other's mirror images, the best one; none that leads out of the frame."""
+    times = np.linspace(*scene.camera.timing.interval, TIMES)
+    kept: list[SpectralPath] = []
+    for each in sorted(paths, key=lambda each: each.misfit):
+        if not beyond(scene.camera, _in_pixels(scene, each.trajectory)) and all(
+            min(apart(each.trajectory, other.trajectory, times, sign) for sign in (1, -1)) > APART for other in kept
+        ):
+            kept.append(each)
+    return kept
+
+
+def apart(one: Trajectory, other: Trajectory, times: Float[np.ndarray, " n"], sign: float = 1.0) -> float:
+    """px, RMS over the times, between a path and `sign` times another, their mean difference left out."""
+    difference = (one.at(times) - sign * other.at(times))[:, :2]
+    return float(np.sqrt(((difference - difference.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+def mirrored(path: Trajectory) -> Trajectory:
+    """-p: the same lines, run backwards."""
+    return path.with_coefficients(-path.coefficients)
+
+
+def _in_pixels(scene: Scene, path: Trajectory) -> Trajectory:
+    """The path in px of the scene, in which its camera is."""
+    return scene.scaled(path)
