@@ -236,7 +236,10 @@ def deblur(
         yield 0.5 * (image + smooth)
 
 
-def unexplained(frame: TiledFrame, latents: Sequence[Sequence[Float[np.ndarray, "latent_rows period"]]]) -> float:
+def unexplained(
+    frame: TiledFrame,
+    latents: Sequence[Sequence[np.ndarray]],  # each (latent rows, period) of its tile
+) -> float:
     """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
     total = count = 0.0
     for system, latent in ((s, latent) for each in zip(frame.systems, latents, strict=True) for s, latent in zip(*each, strict=True)):

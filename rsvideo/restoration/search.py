@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsvideo.physics.trajectory import Trajectory, centred
+from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.restoration import kernel_search
 from rsvideo.restoration.estimate import ESTIMATED, Estimate, Evidence
 from rsvideo.restoration.focus import focus_value
@@ -24,19 +24,22 @@ SPECTRA = 0.5  # weight of the spectra's misfit beside f
 HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
 LAST_STEPS, LAST_SPECTRA = 10, 0.1  # of the winner alone, by its focus, and the weight beside it
 MIDDLES = 8  # samples of an exposure, whose mean is a scanline's place
-FOUND, HEAT = 0.3, 0.13  # of a frame's work: after the spectra, a heat
+BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
 
 def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
     """The trajectory, coarse to fine; the last estimate is the answer."""
-    part = windowed(scene)
-    found = spectral_paths(part, settings) if settings.start == "spectra" else None
+    if settings.start != "spectra":
+        yield from kernel_search.estimate(scene, settings)
+        return
+    part, rest = windowed(scene), still(scene.camera.timing.interval, degree=settings.degree, axes=settings.axes)
+    yield Estimate(stage="spectra", fraction=BEGUN, trajectory=rest)
+    found = spectral_paths(part, settings)
     if found is None:
         yield from kernel_search.estimate(scene, settings)
         return
     belief, paths = found
     if not paths:
-        rest = belief.spectrum.curve.with_coefficients(0 * belief.spectrum.curve.coefficients)
         yield Estimate(stage="spectra", fraction=ESTIMATED, trajectory=rest)
         return
     trial = windowed(scene, TRIAL_COLS)

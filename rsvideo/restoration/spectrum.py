@@ -106,8 +106,9 @@ class Spectrum:
         times = lines[:, None] * timing.row_time + (np.arange(SAMPLES) + 0.5) * (timing.exposure / SAMPLES)
         basis = self.curve.basis(times)[..., 1:]
         columns = np.array(SIDES if axes == 3 else (0.5,)) * lens.cols
+        x, y = np.broadcast_arrays(columns[None], lines[:, None])
         object.__setattr__(self, "basis", basis - basis.mean(axis=1, keepdims=True))
-        object.__setattr__(self, "levers", lever(lens, *np.broadcast_arrays(columns[None], lines[:, None]), axes) * self.scene.unit(axes))
+        object.__setattr__(self, "levers", lever(lens, x, y, axes) * self.scene.unit(axes))
 
     def value(self, path: Trajectory) -> float:
         """The misfit of a path."""

@@ -15,7 +15,8 @@ from rsvideo.restoration.sparsity import objective
 REST = 0.08  # by which the spectra's misfit is lower than at rest: 0.09 to 0.56 along true paths, 0 to 0.45 along others
 MIRROR = 0.002  # by which f is lower than along the mirror image: an even motion leaves no other trace of its direction
 WOBBLE = 0.5  # px; up to which the direction does not matter
-FOCUS = 0.0025  # s: -0.001 to 0.0026 along paths that do harm
+FOCUS = 0.003  # s, and RESTFUL times the first: -0.001 to 0.0029 along paths that do harm, up to 0.06 along true ones
+RESTFUL = 0.004  # so that less focus serves where the spectra say much
 TIMES = 65  # at which a path is followed over a frame's interval
 SAMPLES, LINES = 16, 32  # of an exposure, and roughly how many scanlines, at which a path's extent is measured
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
@@ -29,10 +30,11 @@ CONTRAST = 0.4  # of f's rise from along the path to across it, which f may rise
 def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> Verdict:
     """RESTORED, SHARP where the path is shorter than a pixel, or UNEXPLAINED.
 
-    Where there is evidence, all of it has to speak for the path. Where there is none, the energy and f decide. Deblurring trades blur for contrast, so the energy of Eq. (8) rises over that of the frame taken as sharp. Where it rises more
-    than along true paths, the frame holds detail that no blur along the path can have left; a path is believed all the same if
-    the energy across it is much higher still. The latent image's edges are hardly ever less sparse than the frame's own, unless
-    restoring across the path makes them far less sparse; otherwise the strips' kernels described the picture and not its blur.
+    Where there is evidence, all of it has to speak for the path. Where there is none, the energy and f decide. Deblurring trades
+    blur for contrast, so the energy of Eq. (8) rises over that of the frame taken as sharp. Where it rises more than along true
+    paths, the frame holds detail that no blur along the path can have left; a path is believed all the same if the energy across
+    it is much higher still. The latent image's edges are hardly ever less sparse than the frame's own, unless restoring across the
+    path makes them far less sparse; otherwise the strips' kernels described the picture and not its blur.
     """
     if beyond(scene.camera, path):
         return Verdict.UNEXPLAINED
@@ -52,7 +54,7 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 def convincing(evidence: Evidence) -> bool:
     """Whether a frame is restored by it."""
     directed = evidence.mirror > MIRROR or evidence.wobble < WOBBLE
-    return evidence.rest > REST and directed and evidence.focus > FOCUS
+    return evidence.rest > REST and directed and evidence.focus + RESTFUL * evidence.rest > FOCUS
 
 
 def beyond(camera: Camera, path: Trajectory) -> bool:

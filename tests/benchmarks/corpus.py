@@ -14,7 +14,9 @@ import json
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict
 from functools import partial
 from itertools import product
 from multiprocessing import get_context
@@ -35,8 +37,10 @@ from rsvideo.physics.tone import Transfer, decode, encode
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.pipeline.simulated_case import case_json, motion_csv
 from rsvideo.report.metrics import path_error, psnr
-from rsvideo.restoration import single_frame
+from rsvideo.restoration import search, single_frame
+from rsvideo.restoration.estimate import Estimate
 from rsvideo.restoration.scanlines import to_scanlines
+from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import given_motion
 
@@ -128,7 +132,14 @@ def restored(case: Path) -> dict:
         return path_error(path.at(times)[:, :2], motion.at(times)[:, :2])
 
     before = psnr(encode(Transfer.SRGB, picture.pixels), truth)
-    found = single_frame.restore(view, Settings())
+    last: list[Estimate] = []
+
+    def watched(scene: Scene, settings: Settings) -> Iterator[Estimate]:
+        for each in search.estimate(scene, settings):
+            last[:] = [each]
+            yield each
+
+    found = single_frame.restore(view, Settings(), estimate=watched)
     known = single_frame.restore(view, Settings(prior="tv"), trajectory=motion)
     return {
         "case": case.name,
@@ -141,6 +152,7 @@ def restored(case: Path) -> dict:
         "gain_db": gain(found.latent),
         "verdict": found.verdict.name,
         "path_error_px": error(found.trajectory),
+        "evidence": asdict(last[0].evidence) if last and last[0].evidence else None,
         "seconds": found.seconds,
     }
 

@@ -165,7 +165,7 @@ def test_the_work_can_be_watched_from_its_start_to_its_end(blindly):
     fractions = [at.fraction for at in seen]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1
-    assert [seen[0].stage, seen[-1].stage] == ["strip kernels", "latent image"]
+    assert [seen[0].stage, seen[-1].stage] == ["spectra", "latent image"]
 
 
 def test_the_objective_falls_from_step_to_step(blindly):
@@ -212,7 +212,7 @@ def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkey
 
     monkeypatch.setattr(initialise, "candidates", backwards)
     scene = observed(frame(taken(timing, true, camera).blurred), timing, camera, Settings())
-    *_, last = estimate(scene, Settings(motion="shift", degree=2, samples=20))
+    *_, last = estimate(scene, Settings(motion="shift", degree=2, samples=20, start="kernels"))
     np.testing.assert_allclose(last.trajectory.coefficients[1], true.coefficients[1], atol=1)
 
 
@@ -225,7 +225,7 @@ def test_a_path_that_leads_out_of_the_frame_is_not_followed(monkeypatch):
 
     monkeypatch.setattr(initialise, "candidates", far)
     given = frame(taken(timing, true, camera).blurred)
-    result = restore(given, timing, camera, Settings(motion="shift", degree=2, samples=20))
+    result = restore(given, timing, camera, Settings(motion="shift", degree=2, samples=20, start="kernels"))
     assert result.verdict is Verdict.UNEXPLAINED
     np.testing.assert_array_equal(result.latent, given.pixels)
 

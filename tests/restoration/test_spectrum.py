@@ -9,7 +9,7 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
-from rsvideo.physics.trajectory import Polynomial, centred
+from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import apart, mirrored, spectral_paths
@@ -30,7 +30,7 @@ def fractal(rng: np.random.Generator, rows: int, cols: int) -> np.ndarray:
     return np.clip(0.5 + 0.12 * (field - field.mean()) / field.std(), 0, 1)
 
 
-def taken(path: Polynomial, sigma: float = 0.002) -> Scene:
+def taken(path: Trajectory, sigma: float = 0.002) -> Scene:
     """The scene that a moving camera shows."""
     rng = np.random.default_rng(0)
     scene = np.repeat(fractal(rng, ROWS + 120, COLS + 120)[..., None], 3, axis=2)
@@ -39,7 +39,7 @@ def taken(path: Polynomial, sigma: float = 0.002) -> Scene:
     return Scene(frame=grey, valid=np.ones_like(grey), camera=Camera(timing=TIMING, intrinsics=LENS), samples=24, tiles=3, noise=sigma)
 
 
-def moved(*coefficients: tuple[float, float, float]) -> Polynomial:
+def moved(*coefficients: tuple[float, float, float]) -> Trajectory:
     """A path with these Legendre coefficients from the first degree on: px, px, rad."""
     terms = np.array([(0, 0, 0), *coefficients, *[(0, 0, 0)] * (4 - len(coefficients))], float)
     return centred(Polynomial(t0=TIMING.interval[0], t1=TIMING.interval[1], coefficients=terms), TIMING.middle)
