@@ -18,6 +18,7 @@ class Evidence:
     mirror: float  # by how much f is lower than along the mirror image
     wobble: float  # px, RMS over the scanlines: where the two differ little, neither restores the frame wrongly
     focus: float  # s
+    pixels: int  # of the scene in which f and s were measured
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

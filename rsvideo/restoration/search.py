@@ -72,6 +72,7 @@ def evidence(scene: Scene, spectrum: Spectrum, path: Trajectory) -> Evidence:
         mirror=value(scene, back, scene.search_ridge) - value(scene, path, scene.search_ridge),
         wobble=float(np.linalg.norm(path.at(middles)[:, :2].std(axis=0))),
         focus=focus_value(scene, centred(path, scene.camera.timing.middle)),
+        pixels=scene.frame.size,
     )
 
 

@@ -17,6 +17,7 @@ MIRROR = 0.002  # by which f is lower than along the mirror image: an even motio
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 0.003  # s, and RESTFUL times the first: -0.001 to 0.0029 along paths that do harm, up to 0.06 along true ones
 RESTFUL = 0.004  # so that less focus serves where the spectra say much
+USUAL_PIXELS, SCATTER = 360_000, 0.75  # in smaller scenes f and s scatter more, by this power of the pixels; origin: by trial
 TIMES = 65  # at which a path is followed over a frame's interval
 SAMPLES, LINES = 16, 32  # of an exposure, and roughly how many scanlines, at which a path's extent is measured
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
@@ -53,8 +54,9 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 
 def convincing(evidence: Evidence) -> bool:
     """Whether a frame is restored by it."""
-    directed = evidence.mirror > MIRROR or evidence.wobble < WOBBLE
-    return evidence.rest > REST and directed and evidence.focus + RESTFUL * evidence.rest > FOCUS
+    scatter = max(USUAL_PIXELS / evidence.pixels, 1) ** SCATTER
+    directed = evidence.mirror > scatter * MIRROR or evidence.wobble < WOBBLE
+    return evidence.rest > REST and directed and evidence.focus + RESTFUL * evidence.rest > scatter * FOCUS
 
 
 def beyond(camera: Camera, path: Trajectory) -> bool:

@@ -21,24 +21,27 @@ from typing import Literal
 
 Motion = Literal["rotation", "shift"]
 NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh priors
-    "verdict.COSTLIEST",
-    "verdict.CHEAPER_ACROSS",
-    "verdict.DENSER",
-    "verdict.CONTRAST",
-    "kernel_search.SHARP_KERNEL",
-    "kernel_search.COARSE_REACH",
-    "kernel_search.ENERGY",
-    "kernel_search.EVEN",
+    "spectrum.SHARPEST",
+    "spectrum.LEAK",
+    "spectrum.BELIEF",
+    "spectral_paths.STIFFNESS",
+    "search.SPECTRA",
+    "search.LAST_SPECTRA",
+    "search.COARSE_REACH",
+    "verdict.REST",
+    "verdict.MIRROR",
+    "verdict.FOCUS",
+    "verdict.RESTFUL",
     "scene.RIDGE",
     "scene.SEARCH_RIDGE",
     "sparsity.WINDOW",
     "sparsity.HALF_WEIGHT",
-    "initialise.SHARE",
-    "initialise.WORST",
     "hand_shake.SPREAD",
     "hand_shake.FALL",
     "nonblind.COARSEST_NOISE",
     "nonblind.FINEST_NOISE",
+    "nonblind.UNEXPLAINED",
+    "nonblind.EXPLAINED",
 )
 FACTORS = (0.5, 2.0)
 
