@@ -15,8 +15,7 @@ from rsvideo.restoration.sparsity import objective
 REST = 0.08  # by which the spectra's misfit is lower than at rest: 0.09 to 0.56 along true paths, 0 to 0.45 along others
 MIRROR = 0.002  # by which f is lower than along the mirror image: an even motion leaves no other trace of its direction
 WOBBLE = 0.5  # px; up to which the direction does not matter
-FOCUS = 0.003  # s, and RESTFUL times the first: -0.001 to 0.0029 along paths that do harm, up to 0.06 along true ones
-RESTFUL = 0.004  # so that less focus serves where the spectra say much
+FOCUS = 0.0025  # s: -0.001 to 0.0026 along paths that do harm, up to 0.07 along true ones
 USUAL_PIXELS, SCATTER = 360_000, 0.75  # in smaller scenes f and s scatter more, by this power of the pixels; origin: by trial
 TIMES = 65  # at which a path is followed over a frame's interval
 SAMPLES, LINES = 16, 32  # of an exposure, and roughly how many scanlines, at which a path's extent is measured
@@ -56,7 +55,7 @@ def convincing(evidence: Evidence) -> bool:
     """Whether a frame is restored by it."""
     scatter = max(USUAL_PIXELS / evidence.pixels, 1) ** SCATTER
     directed = evidence.mirror > scatter * MIRROR or evidence.wobble < WOBBLE
-    return evidence.rest > REST and directed and evidence.focus + RESTFUL * evidence.rest > scatter * FOCUS
+    return evidence.rest > REST and directed and evidence.focus > scatter * FOCUS
 
 
 def beyond(camera: Camera, path: Trajectory) -> bool:

@@ -31,7 +31,6 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
     "verdict.REST",
     "verdict.MIRROR",
     "verdict.FOCUS",
-    "verdict.RESTFUL",
     "scene.RIDGE",
     "scene.SEARCH_RIDGE",
     "sparsity.WINDOW",

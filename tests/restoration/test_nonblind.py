@@ -12,7 +12,7 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred, fit, still
-from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation
+from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation, unexplained
 from rsvideo.restoration.parallax import Flow
 
 ROWS, COLS = 96, 192
@@ -182,3 +182,25 @@ def test_no_seam_shows_between_tiles():
     assert ramp[-1] == 1
     assert np.diff(ramp).min() >= 0
     assert np.diff(ramp).max() < 1.5 / (2 * OVERLAP)
+
+
+def test_what_no_latent_image_explains_is_counted_where_it_was_observed() -> None:
+    """A frame that its latent image explains but for noise of a known power, also under clipped pixels, which do not count."""
+    rng = np.random.default_rng(0)
+    frame = np.full((ROWS, COLS, 1), 0.5, np.float32)
+    noisy = frame + rng.normal(0, 0.03, frame.shape).astype(np.float32)
+    clipped = np.zeros(frame.shape, bool)
+    clipped[40:50] = True
+    noisy[40:50] = 1.0
+    cut = tiled(noisy, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    flat = [[np.full((s.op.latent_rows, s.op.period), 0.5, np.float32) for s in each] for each in cut.systems]
+    assert unexplained(cut, flat) == pytest.approx(0.03**2, rel=0.05)
+
+
+def test_blocks_that_compression_leaves_ring_less_than_noise_alone_would_let_them() -> None:
+    """8 x 8 blocks at which detail is left out, deblurred with a noise that does not know of them."""
+    case = taken(SHIFT, sigma=0.001)
+    blocks = case.blurred[: ROWS // 8 * 8, : COLS // 8 * 8].reshape(ROWS // 8, 8, COLS // 8, 8, 3)
+    means = blocks.mean(axis=(1, 3), keepdims=True)
+    coarse = (means + np.round((blocks - means) * 20) / 20).reshape(case.blurred.shape).astype(np.float32)
+    assert psnr(restored(coarse, SHIFT, noise=1e-3), case.truth) > psnr(coarse, case.truth)
