@@ -22,7 +22,7 @@ TRIAL_COLS = 560  # with most texture, on which paths are compared
 COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution, where paths then run first
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
-LAST_STEPS, LAST_SPECTRA = 10, 0.1  # of the winner alone, by its focus, and the weight beside it
+LAST_STEPS, LAST_SPECTRA = 20, 0.1  # of the winner alone, by its focus, and the weight beside it
 MIDDLES = 8  # samples of an exposure, whose mean is a scanline's place
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
