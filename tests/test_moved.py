@@ -34,8 +34,8 @@ def test_the_same_figures_have_not_moved(run):
     assert "0 moved" in done.stderr
 
 
-def test_a_hundredth_of_a_decibel_and_a_twentieth_of_a_time_are_no_move(run):
-    assert moved(run(blind_db=CASE["blind_db"] + 0.009, seconds=1.049 * CASE["seconds"]), "--fail").returncode == 0
+def test_a_hundredth_of_a_decibel_and_four_hundredths_of_a_time_are_no_move(run):
+    assert moved(run(blind_db=DB + 0.01, seconds=1.04 * S), "--fail").returncode == 0
 
 
 @pytest.mark.parametrize(
