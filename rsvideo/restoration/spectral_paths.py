@@ -74,12 +74,12 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
         return coarse and (coarse[0], [each.trajectory for each in coarse[1]])
     if coarse is None or not coarse[1]:
         return fine[0], [each.trajectory for each in fine[1]]
-    if min(longest(scene.camera, _in_pixels(scene, level[1][0].trajectory)) for level in (fine, coarse)) > LONGEST:
+    if min(longest(scene.camera, scene.scaled(level[1][0].trajectory)) for level in (fine, coarse)) > LONGEST:
         fine, coarse = coarse, fine
     times, belief = np.linspace(*scene.camera.timing.interval, TIMES), fine[0]
     paths = [each.trajectory for each in fine[1]]
     for each in coarse[1][:ALSO]:
-        if all(min(apart(each.trajectory, other, times, sign) for sign in (1, -1)) > APART for other in paths):
+        if _new(each.trajectory, paths, times):
             paths.append(each.trajectory)
     return belief, paths
 
@@ -126,7 +126,7 @@ def _even(belief: SpectralBelief, curve: Trajectory, length: float) -> Iterator[
         coefficients = np.zeros_like(curve.coefficients)
         coefficients[:, 0], coefficients[:, 1] = even * np.cos(angle), even * np.sin(angle)
         path = curve.with_coefficients(coefficients)
-        if not beyond(scene.camera, _in_pixels(scene, path)):
+        if not beyond(scene.camera, scene.scaled(path)):
             yield SpectralPath(trajectory=path, misfit=belief.spectrum.value(path))
 
 
@@ -135,11 +135,15 @@ def _distinct(paths: list[SpectralPath], scene: Scene) -> list[SpectralPath]:
     times = np.linspace(*scene.camera.timing.interval, TIMES)
     kept: list[SpectralPath] = []
     for each in sorted(paths, key=lambda each: each.misfit):
-        if not beyond(scene.camera, _in_pixels(scene, each.trajectory)) and all(
-            min(apart(each.trajectory, other.trajectory, times, sign) for sign in (1, -1)) > APART for other in kept
-        ):
+        inside = not beyond(scene.camera, scene.scaled(each.trajectory))
+        if inside and _new(each.trajectory, [other.trajectory for other in kept], times):
             kept.append(each)
     return kept
+
+
+def _new(path: Trajectory, others: list[Trajectory], times: Float[np.ndarray, " n"]) -> bool:
+    """Whether a path differs from all others and from their mirror images."""
+    return all(min(apart(path, other, times, sign) for sign in (1, -1)) > APART for other in others)
 
 
 def apart(one: Trajectory, other: Trajectory, times: Float[np.ndarray, " n"], sign: float = 1.0) -> float:
@@ -151,8 +155,3 @@ def apart(one: Trajectory, other: Trajectory, times: Float[np.ndarray, " n"], si
 def mirrored(path: Trajectory) -> Trajectory:
     """-p: the same lines, run backwards."""
     return path.with_coefficients(-path.coefficients)
-
-
-def _in_pixels(scene: Scene, path: Trajectory) -> Trajectory:
-    """The path in px of the scene, in which its camera is."""
-    return scene.scaled(path)

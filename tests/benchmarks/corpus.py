@@ -24,6 +24,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import published
 
 import rsvideo
 from rsvideo.frame import Frame
@@ -201,16 +202,6 @@ def summary(rows: list[dict]) -> list[dict]:
     return out
 
 
-def table(rows: list[dict]) -> None:
-    """Print rows as Markdown."""
-    print("| " + " | ".join(column.replace("_", " ") for column in rows[0]) + " |")
-    print("|" + "---|" * len(rows[0]))
-    for row in rows:
-        cells = ("-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value) for value in row.values())
-        print("| " + " | ".join(cells) + " |", flush=True)
-    print()
-
-
 def main() -> None:
     """Draw, restore, and write FILE."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -236,7 +227,7 @@ def main() -> None:
             rows.append(row)
             print(f"{row['case']}: {row['gain_db']:.2f} of {row['known_tv_gain_db']:.2f} dB, {row['verdict']} {lost(row)}", flush=True)
     args.output.write_text(json.dumps({"summary": summary(rows), "stills": rows}, indent=1) + "\n")
-    table(summary(rows))
+    published.print_rows(summary(rows))
 
 
 if __name__ == "__main__":

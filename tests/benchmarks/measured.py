@@ -129,16 +129,6 @@ def summary(rows: list[dict]) -> list[dict]:
     return out
 
 
-def table(rows: list[dict]) -> None:
-    """Print rows as Markdown."""
-    print("| " + " | ".join(column.replace("_", " ") for column in rows[0]) + " |")
-    print("|" + "---|" * len(rows[0]))
-    for row in rows:
-        cells = ("-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values())
-        print("| " + " | ".join(cells) + " |", flush=True)
-    print()
-
-
 def main() -> None:
     """Make, measure, and print two Markdown tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -162,8 +152,8 @@ def main() -> None:
                     print(f"{len(rows)}: {case.name}", file=sys.stderr, flush=True)
     if not rows:
         sys.exit("no clip could be made")
-    table(rows)
-    table(summaries := summary(rows))
+    published.print_rows(rows)
+    published.print_rows(summaries := summary(rows))
     published.write(args.output, {"measured": rows, "measured_summary": summaries})
 
 

@@ -52,6 +52,16 @@ def table(section: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print rows of equal columns as Markdown, for a person who waits."""
+    print("| " + " | ".join(column.replace("_", " ") for column in rows[0]) + " |")
+    print("|" + "---|" * len(rows[0]))
+    for row in rows:
+        cells = ("-" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values())
+        print("| " + " | ".join(cells) + " |", flush=True)
+    print()
+
+
 def _cell(value: object, digits: int) -> str:
     if value is None:
         return "-"
