@@ -23,6 +23,7 @@ from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import CameraPath, exposure_length, follow, polynomial, unexplained, windows, within
+from rsvideo.restoration.extent import longest
 from rsvideo.restoration.focus import focus, focus_value
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
@@ -32,7 +33,6 @@ from rsvideo.restoration.scene import Scene, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
 from rsvideo.restoration.trust import SHORT, run_share
-from rsvideo.restoration.verdict import longest
 
 TRUST = 2e-3  # tau; origin: by trial
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show

@@ -1,6 +1,5 @@
 """An approximate trajectory, as a gyroscope measures it, corrected by the picture's sparsity."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -9,12 +8,12 @@ import numpy as np
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Spline, Trajectory, fit, still
 from rsvideo.restoration.estimate import ESTIMATED, Estimate
+from rsvideo.restoration.extent import sampled
 from rsvideo.restoration.hand_shake import SPREAD, pose_unit
 from rsvideo.restoration.refinement import Prior, refine
 from rsvideo.restoration.scanlines import path_along_scanlines
 from rsvideo.restoration.scene import Scene, windowed
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.verdict import longest
 
 TRUST = 2e-3  # in the path, against the sparsity of a picture of ENOUGH pixels or more; origin: by trial
 ENOUGH = 30_000  # pixels; sparsity of fewer is less certain
@@ -43,8 +42,7 @@ def corrected(scene: Scene, start: ApproximatePath, settings: Settings) -> Itera
     given, interval = start.trajectory, scene.camera.timing.interval
     t = np.linspace(*interval, TIMES)
     first = fit(still(interval, degree=settings.degree, axes=given.coefficients.shape[1]), t, given.at(t))
-    part = windowed(scene)
-    part = replace(part, samples=max(part.samples, math.ceil(longest(part.camera, first))))
+    part = sampled(windowed(scene), first)
     yield Estimate(stage="path", fraction=_BEGUN, trajectory=given)
     best = refine(part, first, _prior(start, first, part, settings.degree), ridge=part.ridge, steps=STEPS)
     finer = Spline(t0=t[0], t1=t[-1], coefficients=np.zeros((max(KNOTS, len(given.coefficients)), given.coefficients.shape[1])))

@@ -4,21 +4,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.evidence import Evidence
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.settings import Settings
 
 ESTIMATED = 0.75  # of a frame's work is done when its trajectory is found
-
-
-@dataclass(frozen=True, kw_only=True)
-class Evidence:
-    """What speaks for a path, and would be about 0 for one that has nothing to do with the blur."""
-
-    rest: float  # by how much the spectra's misfit is lower than at rest
-    mirror: float  # by how much f is lower than along the mirror image
-    wobble: float  # px, RMS over the scanlines: where the two differ little, neither restores the frame wrongly
-    focus: float  # s
-    pixels: int  # of the scene in which f and s were measured
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,9 +17,9 @@ from jaxtyping import Float
 
 from rsvideo.restoration.camera_path import CameraPath, within
 from rsvideo.restoration.clip_motion import Run, evidence, flowing, path_from_tracks
+from rsvideo.restoration.extent import longest
 from rsvideo.restoration.scene import Scene, reduced
 from rsvideo.restoration.sparsity import value
-from rsvideo.restoration.verdict import longest
 
 RATIO = 1.12  # from one exposure that is tried to the next
 ACROSS_DIP = 2  # such ratios are a: 1.25, about how wide the dip is

@@ -9,12 +9,12 @@ from rsvideo.restoration import initialise, psf_fit
 from rsvideo.restoration.blind_kernel import KernelSettings
 from rsvideo.restoration.energy import energy
 from rsvideo.restoration.estimate import ESTIMATED, Estimate
+from rsvideo.restoration.extent import beyond
 from rsvideo.restoration.psf_fit import Candidate, Strip
 from rsvideo.restoration.refinement import Prior, refine
 from rsvideo.restoration.scene import Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.sparsity import objective
-from rsvideo.restoration.verdict import beyond
 
 TRIAL_COLS = 560  # with most texture, on which candidates are compared
 SHARP_KERNEL = 2.0  # px; kernels of sharp strips are found about 1.8 px long, for the latent image has hard edges

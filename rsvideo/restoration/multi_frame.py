@@ -13,6 +13,7 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import search, single_frame
 from rsvideo.restoration.estimate import Estimator
+from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.fusion import PosedImage, fused
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow
@@ -22,7 +23,6 @@ from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
 from rsvideo.restoration.trust import LONG, trust
-from rsvideo.restoration.verdict import beyond, longest
 
 NEIGHBOURS = 3  # frames on either side that a frame is restored with; origin: by trial
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was

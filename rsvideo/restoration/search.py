@@ -4,26 +4,22 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from rsvideo.physics.trajectory import Trajectory, centred, still
+from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.restoration import kernel_search
-from rsvideo.restoration.estimate import ESTIMATED, Estimate, Evidence
-from rsvideo.restoration.focus import focus_value
+from rsvideo.restoration.estimate import ESTIMATED, Estimate
+from rsvideo.restoration.evidence import compared, evidence
+from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.refinement import focused, refine
 from rsvideo.restoration.scene import Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.sparsity import value
 from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
-from rsvideo.restoration.spectrum import Spectrum
-from rsvideo.restoration.verdict import beyond, longest
 
 TRIAL_COLS = 560  # with most texture, on which paths are compared
 COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution, where paths then run first
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
-LAST_STEPS, LAST_SPECTRA = 20, 0.1  # of the winner alone, by its focus, and the weight beside it
-MIDDLES = 8  # samples of an exposure, whose mean is a scanline's place
+LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
+LAST_SPECTRA = 0.1  # weight of the spectra's misfit beside the focus
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
 
@@ -39,7 +35,7 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         yield from kernel_search.estimate(scene, settings)
         return
     belief, paths = found
-    if not paths:
+    if not paths:  # the spectra are those of a frame at rest
         yield Estimate(stage="spectra", fraction=ESTIMATED, trajectory=rest)
         return
     trial = windowed(scene, TRIAL_COLS)
@@ -51,29 +47,16 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         where = part if wide else coarse if i == 0 else trial
         running = sorted((r.ahead(where, belief, steps) for r in running), key=lambda r: r.value)
         running = [r for r in running if not beyond(scene.camera, r.trajectory)][:most] or running[:1]
-    winner = running[0]
-    best = focused(sampled(trial, winner.trajectory), winner.trajectory, replace(belief, weight=LAST_SPECTRA), steps=LAST_STEPS)
-    yield Estimate(
-        stage="path",
-        fraction=ESTIMATED,
-        trajectory=best.trajectory,
-        values=best.values,
-        evidence=evidence(part, belief.spectrum, best.trajectory),
-    )
-
-
-def evidence(scene: Scene, spectrum: Spectrum, path: Trajectory) -> Evidence:
-    """What speaks for a path that was found."""
-    scene = sampled(scene, path)
-    middles = scene.camera.timing.sample_times(MIDDLES).mean(axis=1)
-    rest, back = path.with_coefficients(0 * path.coefficients), mirrored(path)
-    return Evidence(
-        rest=spectrum.value(rest) - spectrum.value(path),
-        mirror=value(scene, back, scene.search_ridge) - value(scene, path, scene.search_ridge),
-        wobble=float(np.linalg.norm(path.at(middles)[:, :2].std(axis=0))),
-        focus=focus_value(scene, centred(path, scene.camera.timing.middle)),
-        pixels=scene.frame.size,
-    )
+    winner = max((runner.trajectory for runner in running), key=lambda path: sum(compared(trial, path)))
+    belief, values = replace(belief, weight=LAST_SPECTRA), ()
+    for where, steps in ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS)):
+        best = focused(sampled(where, winner), winner, belief, steps=steps)
+        winner, values = best.trajectory, values + best.values
+    speaks = evidence(part, belief.spectrum, winner)
+    if speaks.mirror < 0:
+        winner = mirrored(winner)
+        speaks = evidence(part, belief.spectrum, winner)
+    yield Estimate(stage="path", fraction=ESTIMATED, trajectory=winner, values=values, evidence=speaks)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,8 +69,3 @@ class _Runner:
     def ahead(self, scene: Scene, belief: SpectralBelief, steps: int) -> "_Runner":
         refined = refine(sampled(scene, self.trajectory), self.trajectory, belief, ridge=scene.search_ridge, steps=steps)
         return replace(self, trajectory=refined.trajectory, value=refined.value)
-
-
-def sampled(scene: Scene, path: Trajectory) -> Scene:
-    """The scene with as many path samples an exposure as the path has px: fewer would make a comb of it."""
-    return replace(scene, samples=max(scene.samples, math.ceil(longest(scene.camera, scene.scaled(path)))))

@@ -14,12 +14,13 @@ from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import nonblind, scanlines, search
 from rsvideo.restoration.correction import ApproximatePath, corrected
 from rsvideo.restoration.estimate import ESTIMATED, Estimator
+from rsvideo.restoration.extent import longest
 from rsvideo.restoration.nonblind import TiledFrame
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.scene import gradient_power, scene_of
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.verdict import judge, longest
+from rsvideo.restoration.verdict import judge
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -188,8 +188,10 @@ def value(scene: Scene, trajectory: Trajectory, ridge: float) -> float:
     return float(total.sum() / weight.sum())
 
 
-def density(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[Float[np.ndarray, "rows cols"], Float[np.ndarray, "rows cols"]]:
-    """What each pixel adds to the numerator of f(theta), w |grad l| / rms, and its weight w; 0 where f is not measured."""
+def density(
+    scene: Scene, trajectory: Trajectory, ridge: float, power: float = 1.0
+) -> tuple[Float[np.ndarray, "rows cols"], Float[np.ndarray, "rows cols"]]:
+    """What each pixel adds to the numerator of f(theta), w (|grad l| / rms)^power, and its weight w; 0 where f is not measured."""
     trajectory = scene.scaled(trajectory)
     value, weight = np.zeros(scene.frame.shape, np.float32), np.zeros(scene.frame.shape, np.float32)
     for tile, _, system in _tiles(scene, trajectory):
@@ -198,5 +200,5 @@ def density(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[Float[n
         magnitude, _, local = _local_power(np.diff(image, axis=1)[:-1] ** 2 + np.diff(image, axis=0)[:, :-1] ** 2)
         w = texture_weight(system.frame[in_frame], scene.gradient_power)
         place = (slice(in_frame[0].start, in_frame[0].stop - 1), slice(tile.first + in_frame[1].start, tile.first + in_frame[1].stop - 1))
-        value[place], weight[place] = w * magnitude / np.sqrt(local), w
+        value[place], weight[place] = w * (magnitude / np.sqrt(local)) ** power, w
     return value, weight

@@ -8,11 +8,12 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from rsvideo.physics.trajectory import Trajectory, fit, still
+from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.hand_shake import pose_unit, shake_spread
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
-from rsvideo.restoration.verdict import beyond, longest
+from rsvideo.restoration.verdict import REST
 
 LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
 LARGEST_SIDE = 960  # px, of a scene that is searched; larger ones are halved
@@ -60,32 +61,53 @@ class SpectralPath:
     misfit: float  # with the belief
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Level:
+    """What the spectra allow at one resolution."""
+
+    belief: SpectralBelief
+    paths: list[SpectralPath]  # best first
+
+    @property
+    def drop(self) -> float:
+        """By how much the misfit along the best path is lower than at rest."""
+        spectrum, best = self.belief.spectrum, self.paths[0].trajectory
+        return spectrum.value(best.with_coefficients(0 * best.coefficients)) - spectrum.value(best)
+
+    @property
+    def length(self) -> float:
+        """Of the best path, in px of the whole frame."""
+        return longest(self.belief.spectrum.scene.camera, self.paths[0].trajectory)
+
+
 def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, list[Trajectory]] | None:
     """Distinct paths that lead to a minimum of the misfit, best first, and what they are to be judged by; None without texture.
 
     They are looked for at the scene's own resolution, or one that serves, and at half of it, where long blurs fit into a patch and
-    texture deceives less. The misfit is even: the mirror image -p of each path explains the spectra as well.
+    texture deceives less. The latter judges where the former shows no blur, or a longer one than fits. The misfit is even: the mirror
+    image -p of each path explains the spectra as well. There is no path where the spectra are those of a frame at rest.
     """
     while max(scene.frame.shape) > LARGEST_SIDE:
         scene = halved(scene)
-    fine = _minima(scene, settings)
-    coarse = _minima(halved(scene), settings) if min(scene.frame.shape) >= 2 * SIDE else None
-    if fine is None or not fine[1]:
-        return coarse and (coarse[0], [each.trajectory for each in coarse[1]])
-    if coarse is None or not coarse[1]:
-        return fine[0], [each.trajectory for each in fine[1]]
-    if min(longest(scene.camera, scene.scaled(level[1][0].trajectory)) for level in (fine, coarse)) > LONGEST:
-        fine, coarse = coarse, fine
-    times, belief = np.linspace(*scene.camera.timing.interval, TIMES), fine[0]
-    paths = [each.trajectory for each in fine[1]]
-    for each in coarse[1][:ALSO]:
+    scenes = [scene, halved(scene)] if min(scene.frame.shape) >= 2 * SIDE else [scene]
+    searched = [level for each in scenes if (level := _level(each, settings)) is not None]
+    if not searched:
+        return None
+    levels = [level for level in searched if level.paths]
+    if max((level.drop for level in levels), default=0.0) < REST:
+        return searched[0].belief, []
+    if levels[0].drop < REST or min(level.length for level in levels) * scene.scale > LONGEST:
+        levels.reverse()
+    times, belief = np.linspace(*scene.camera.timing.interval, TIMES), levels[0].belief
+    paths = [each.trajectory for each in levels[0].paths]
+    for each in (also for level in levels[1:] for also in level.paths[:ALSO]):
         if _new(each.trajectory, paths, times):
             paths.append(each.trajectory)
     return belief, paths
 
 
-def _minima(scene: Scene, settings: Settings) -> tuple[SpectralBelief, list[SpectralPath]] | None:
-    """The misfit's, at a scene's own resolution."""
+def _level(scene: Scene, settings: Settings) -> _Level | None:
+    """The misfit's minima at a scene's own resolution."""
     observed = patches(scene)
     if observed is None:
         return None
@@ -95,7 +117,8 @@ def _minima(scene: Scene, settings: Settings) -> tuple[SpectralBelief, list[Spec
     starts = [each for some in tried for each in some[:OF_A_LENGTH]]
     starts += sorted((each for some in tried for each in some[OF_A_LENGTH:]), key=lambda each: each.misfit)[:OF_ALL]
     found = _distinct([settled(belief, each.trajectory, START_STEPS) for each in starts], scene)
-    return belief, _distinct([settled(belief, each.trajectory, SETTLING_STEPS) for each in found[:SETTLED]], scene)
+    best = [settled(belief, each.trajectory, SETTLING_STEPS) for each in found[:SETTLED]]
+    return _Level(belief=belief, paths=_distinct(best, scene))
 
 
 def settled(belief: SpectralBelief, path: Trajectory, steps: int) -> SpectralPath:

@@ -6,7 +6,7 @@ the PSF, which is dark where the blur leaves nothing. So a patch about scanline 
     M_r(w) = exp(beta_r . phi(w)) |k_r(w)|^2 + n,    phi = (1, log |w|, cos 2a, sin 2a, cos 4a),  a the direction of w,
 
 with the noise's power n, and the misfit of a path is the mean over frequencies of log M + S / M, S being what is observed (Whittle
-1953). The beta_r are fitted for every path by Fisher scoring. To integrate the latent image out, rather than to choose the best one,
+1953). The beta_r are fitted for every path by Newton's method. To integrate the latent image out, rather than to choose the best one,
 is what keeps short paths from being preferred (Levin et al., CVPR 2009, "Understanding and evaluating blind deconvolution
 algorithms"); that spectra alone show motion blur is due to Goldstein & Fattal (ECCV 2012). Power has no phase: a path and its
 mirror image, which is the same line run backwards, are alike here, and the sparsity f has to tell them apart.
@@ -22,71 +22,93 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.scene import Scene
 
 SIDE = 64  # px of a patch
-STRIPS = 9  # rows of patches over the frame's scanlines
-STEP = 32  # px between patches of a strip, and a quarter of it, up and down, between the rows that a strip joins
-SHARPEST = 0.4  # of a strip's patches, those with most power between MIDDLE's bounds: out of focus, a patch shows a blur of its own
+STRIPS, SIDES = 9, 2  # parts of the frame, over its scanlines and across them, for roll blurs the sides along different paths
+STEP = 32  # px between patches of a part, and half of it, up and down, between the rows that a part joins
+SHARPEST = 0.4  # of a part's patches, those with most power between MIDDLE's bounds: out of focus, a patch shows a blur of its own
 MIDDLE = 0.5, 1.6  # rad a px
 LOWEST, HIGHEST = 2.0, 2.1  # frequencies that count: in periods a patch, whose window blurs lower ones; in rad a px, JPEG thins higher ones
-FEWEST = 3  # patches of a strip
+FINE, FINE_NOISE = 1.7, 0.7  # rad a px, from which on so much of a part's power is noise at least: what compression adds and hides
+FEWEST = 3  # patches of a part
 VALID = 0.98  # of a patch's pixels are not clipped
 CONTRAST = 4.0  # times the noise's variance, which a patch must exceed
 LEAK = 2e-3  # of |k|^2, that the patches' window lets through where the blur is dark
 SAMPLES = 20  # path samples an exposure
-LINES = -14.0, 0.0, 14.0  # scanlines about a strip's middle that stand for it
-SIDES = 0.2, 0.8  # of the frame's width: columns that stand for a strip under roll
+LINES = -14.0, 0.0, 14.0  # scanlines about a part's middle that stand for it
 FALL, FALL_SPREAD = -1.1, 0.25  # of log |w|^2, and its standard deviation; photographs' power falls with about |w|^-2.2
 DIRECTED = 0.3  # standard deviation of how much the power prefers directions
 BELIEF = 5e-3  # weight of what is believed of the beta, beside a frequency's likelihood
-SCORINGS, LONGEST_STEP = 7, 1.5  # steps of Fisher scoring, and how far a step may lead
+STEPS = 9  # of Newton's method for the beta, at most
+LEAST_CURVATURE = 0.1  # of its expectation, which a frequency's curvature in beta . phi counts for at least
+LONGEST_STEP, SHORTEST_STEP = 1.5, 5e-3  # how far a step may lead, and how short a step ends them: the misfit is flat there
 
 
 _ALL_DOWN, _ALL_ACROSS = 2 * np.pi * np.fft.fftfreq(SIDE), 2 * np.pi * np.fft.rfftfreq(SIDE)
 _KEPT = np.ix_(np.abs(_ALL_DOWN) < HIGHEST, _ALL_ACROSS < HIGHEST)
 _DOWN, _ACROSS = _ALL_DOWN[_KEPT[0].ravel()], _ALL_ACROSS[_KEPT[1].ravel()]  # rad a px
 _MAGNITUDE = np.hypot(_DOWN[:, None], _ACROSS[None])
+_WINDOW = np.outer(np.hanning(SIDE + 2)[1:-1], np.hanning(SIDE + 2)[1:-1])
+_WINDOW /= np.sqrt((_WINDOW**2).sum())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Patches:
-    """Mean periodograms of a frame's patches, strip by strip, each patch's variance being 1."""
+    """Mean periodograms of a frame's patches, part by part, each patch's variance being 1."""
 
-    power: Float[np.ndarray, "strips n half"]
-    noise: Float[np.ndarray, " strips"]  # the noise's power
-    rows: Float[np.ndarray, " strips"]  # the scanline in the strip's middle
-    weight: Float[np.ndarray, " strips"]  # of sum 1
+    power: Float[np.ndarray, "parts n half"]
+    noise: Float[np.ndarray, " parts"]  # the noise's power
+    rows: Float[np.ndarray, " parts"]  # the scanline in the part's middle
+    columns: Float[np.ndarray, " parts"]  # the patches' mean
+    weight: Float[np.ndarray, " parts"]  # of sum 1
 
 
 def patches(scene: Scene) -> Patches | None:
-    """The spectra of a scene; None where it has no strip of FEWEST textured patches, or is smaller than a patch."""
+    """The spectra of a scene; None where it has no part of FEWEST textured patches, or is smaller than a patch."""
     rows, cols = scene.frame.shape
     if min(rows, cols) < SIDE:
         return None
-    window = np.outer(np.hanning(SIDE + 2)[1:-1], np.hanning(SIDE + 2)[1:-1])
-    window /= np.sqrt((window**2).sum())
-    middle = np.abs(_MAGNITUDE - np.mean(MIDDLE)) < np.ptp(MIDDLE) / 2
+    fine = (_MAGNITUDE > FINE) & (_MAGNITUDE < HIGHEST)
     power, noise, at, count = [], [], [], []
     for centre in np.linspace(SIDE / 2, rows - SIDE / 2, STRIPS):
-        found = []
-        for top in sorted({int(np.clip(centre - SIDE / 2 + d, 0, rows - SIDE)) for d in (-STEP // 2, 0, STEP // 2)}):
-            for left in range(0, cols - SIDE + 1, STEP):
-                part = np.s_[top : top + SIDE, left : left + SIDE]
-                patch = scene.frame[part].astype(float)
-                variance = float(patch.var())
-                if scene.valid[part].mean() < VALID or variance < CONTRAST * scene.noise**2 + scene.least_texture:
-                    continue
-                periodogram = np.abs(np.fft.rfft2((patch - (patch * window).sum() / window.sum()) * window)[_KEPT]) ** 2
-                found.append((float(periodogram[middle].mean()), periodogram / variance, scene.noise**2 / variance))
-        if len(found) < FEWEST:
-            continue
-        found.sort(key=lambda each: -each[0])
-        found = found[: max(FEWEST, int(SHARPEST * len(found)))]
-        power.append(np.mean([each[1] for each in found], axis=0))
-        noise.append(np.mean([each[2] for each in found]))
-        at.append(centre)
-        count.append(len(found))
+        tops = sorted({int(np.clip(centre - SIDE / 2 + d, 0, rows - SIDE)) for d in (-STEP // 2, 0, STEP // 2)})
+        for lefts in np.array_split(np.arange(0, cols - SIDE + 1, STEP), SIDES):
+            found = [each for top in tops for left in lefts if (each := _patch(scene, top, int(left))) is not None]
+            if len(found) < FEWEST:
+                continue
+            found.sort(key=lambda each: -each.middle)
+            found = found[: max(FEWEST, int(SHARPEST * len(found)))]
+            power.append(np.mean([each.power for each in found], axis=0))
+            noise.append(max(np.mean([each.noise for each in found]), float(FINE_NOISE * np.median(power[-1][fine]))))
+            at.append((np.mean([each.column for each in found]), centre))
+            count.append(len(found))
     if not power:
         return None
-    return Patches(power=np.array(power), noise=np.array(noise), rows=np.array(at), weight=np.array(count) / sum(count))
+    columns, middles = np.array(at).T
+    return Patches(power=np.array(power), noise=np.array(noise), rows=middles, columns=columns, weight=np.array(count) / sum(count))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Patch:
+    power: Float[np.ndarray, "n half"]  # its periodogram, the patch's variance being 1
+    middle: float  # its power between MIDDLE's bounds
+    noise: float
+    column: float
+
+
+def _patch(scene: Scene, top: int, left: int) -> _Patch | None:
+    """What one patch shows; None where it is clipped or has no texture."""
+    place = np.s_[top : top + SIDE, left : left + SIDE]
+    patch = scene.frame[place].astype(float)
+    variance = float(patch.var())
+    if scene.valid[place].mean() < VALID or variance < CONTRAST * scene.noise**2 + scene.least_texture:
+        return None
+    periodogram = np.abs(np.fft.rfft2((patch - (patch * _WINDOW).sum() / _WINDOW.sum()) * _WINDOW)[_KEPT]) ** 2
+    middle = np.abs(_MAGNITUDE - np.mean(MIDDLE)) < np.ptp(MIDDLE) / 2
+    return _Patch(
+        power=periodogram / variance,
+        middle=float(periodogram[middle].mean()),
+        noise=scene.noise**2 / variance,
+        column=left + (SIDE - 1) / 2,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +119,7 @@ class Spectrum:
     patches: Patches
     curve: Trajectory  # of the kind, whatever its coefficients
     basis: Float[np.ndarray, "lines samples terms"] = field(init=False)  # about each scanline's mean, without the constant
-    levers: Float[np.ndarray, "lines sides 2 axes"] = field(init=False)
+    levers: Float[np.ndarray, "lines 2 axes"] = field(init=False)
 
     def __post_init__(self) -> None:
         timing, lens = self.scene.camera.timing, self.scene.camera.intrinsics
@@ -105,10 +127,8 @@ class Spectrum:
         lines = (self.patches.rows[:, None] + np.array(LINES)).ravel()
         times = lines[:, None] * timing.row_time + (np.arange(SAMPLES) + 0.5) * (timing.exposure / SAMPLES)
         basis = self.curve.basis(times)[..., 1:]
-        columns = np.array(SIDES if axes == 3 else (0.5,)) * lens.cols
-        x, y = np.broadcast_arrays(columns[None], lines[:, None])
         object.__setattr__(self, "basis", basis - basis.mean(axis=1, keepdims=True))
-        object.__setattr__(self, "levers", lever(lens, x, y, axes) * self.scene.unit(axes))
+        object.__setattr__(self, "levers", lever(lens, np.repeat(self.patches.columns, len(LINES)), lines, axes) * self.scene.unit(axes))
 
     def value(self, path: Trajectory) -> float:
         """The misfit of a path."""
@@ -116,63 +136,75 @@ class Spectrum:
 
     def misfit(self, coefficients: Float[np.ndarray, "unknowns axes"], *, slope: bool = True) -> tuple[float, np.ndarray]:
         """The mean over frequencies of log M + S / M, and its derivative in the coefficients but the constant ones."""
-        q = np.einsum("lsp,pa,lcja->lcsj", self.basis, coefficients, self.levers, optimize=True)
-        ey = np.exp(1j * q[..., 1, None] * _DOWN).astype(np.complex64)  # (lines, sides, samples, n)
-        ex = np.exp(1j * q[..., 0, None] * _ACROSS).astype(np.complex64)
+        q = np.einsum("lsp,pa,lja->lsj", self.basis, coefficients, self.levers, optimize=True)
+        ey, ex = _waves(q[..., 1], _DOWN), _waves(q[..., 0], _ACROSS)
         k = np.matmul(ey.swapaxes(-1, -2), ex) / SAMPLES
-        strips, each = len(self.patches.rows), len(LINES) * k.shape[1]
-        dark = (np.abs(k) ** 2).reshape(strips, each, *k.shape[2:]).mean(axis=1) + LEAK
+        dark = (np.abs(k) ** 2).reshape(-1, len(LINES), *k.shape[1:]).mean(axis=1) + LEAK
         value, by_power = _whittle(self.patches, dark.astype(float))
         if not slope:
             return value, np.zeros_like(coefficients)
-        shared = np.repeat(by_power, len(LINES), axis=0)[:, None] * k.conj() * (2 / SAMPLES / each)
+        shared = np.repeat(by_power, len(LINES), axis=0) * k.conj() * (2 / SAMPLES / len(LINES))
         by_path = np.stack([_along(shared.swapaxes(-1, -2), ey, ex, _ACROSS), _along(shared, ex, ey, _DOWN)], axis=-1)
-        return value, np.einsum("lsp,lcsj,lcja->pa", self.basis, by_path, self.levers, optimize=True)
+        return value, np.einsum("lsp,lsj,lja->pa", self.basis, by_path, self.levers, optimize=True)
+
+
+def _waves(place: Float[np.ndarray, "lines samples"], frequencies: Float[np.ndarray, " m"]) -> Complex[np.ndarray, "lines samples m"]:
+    phase = (place[..., None] * frequencies).astype(np.float32)
+    waves = np.empty(phase.shape, np.complex64)
+    np.cos(phase, out=waves.real)
+    np.sin(phase, out=waves.imag)
+    return waves
 
 
 def _along(
-    shared: Complex[np.ndarray, "lines sides m n"],
-    other: Complex[np.ndarray, "lines sides samples n"],
-    own: Complex[np.ndarray, "lines sides samples m"],
+    shared: Complex[np.ndarray, "lines m n"],
+    other: Complex[np.ndarray, "lines samples n"],
+    own: Complex[np.ndarray, "lines samples m"],
     frequencies: Float[np.ndarray, " m"],
-) -> Float[np.ndarray, "lines sides samples"]:
+) -> Float[np.ndarray, "lines samples"]:
     """The derivative in each path sample's place along the axis of `own`, given that in conj(k)."""
     inner = np.matmul(shared, other.swapaxes(-1, -2))
     return np.real((1j * frequencies[:, None] * own.swapaxes(-1, -2) * inner).sum(axis=-2))
 
 
-def _features() -> tuple[Float[np.ndarray, "features n half"], Float[np.ndarray, "n half"]]:
+def _features() -> tuple[Float[np.ndarray, "features counted"], Float[np.ndarray, "n half"]]:
     """phi(w), and how often each frequency counts: twice, for the half that is not held, but once on its edge; 0 beyond the bounds."""
     angle = np.arctan2(_DOWN[:, None], _ACROSS[None])
     fall = 2 * np.log(np.maximum(_MAGNITUDE, _ACROSS[1] / 2))
     periods = _MAGNITUDE / _ACROSS[1]
-    counted = (periods > LOWEST) & (periods < HIGHEST / _ACROSS[1])
-    twice = np.where(_ACROSS == 0, 1.0, 2.0)
-    features = [np.ones_like(fall), fall, np.cos(2 * angle), np.sin(2 * angle), np.cos(4 * angle)]
-    return np.array(features), counted * twice[None]
+    times = ((periods > LOWEST) & (periods < HIGHEST / _ACROSS[1])) * np.where(_ACROSS == 0, 1.0, 2.0)
+    features = np.array([np.ones_like(fall), fall, np.cos(2 * angle), np.sin(2 * angle), np.cos(4 * angle)])
+    return features[:, times > 0], times
 
 
-_PHI, _COUNT = _features()
+_PHI, _TIMES = _features()
+_COUNTED = _TIMES > 0
+_COUNT = _TIMES[_COUNTED]
+_PAIRS = (_PHI[:, None] * _PHI).reshape(-1, _PHI.shape[1]).T  # (counted, features * features)
 _MEAN = np.array([0.0, FALL, 0.0, 0.0, 0.0])
 _STIFFNESS = np.array([0.0, FALL_SPREAD**-2, DIRECTED**-2, DIRECTED**-2, DIRECTED**-2])
 
 
-def _whittle(observed: Patches, dark: Float[np.ndarray, "strips n half"]) -> tuple[float, Float[np.ndarray, "strips n half"]]:
+def _whittle(observed: Patches, dark: Float[np.ndarray, "parts n half"]) -> tuple[float, Float[np.ndarray, "parts n half"]]:
     """The misfit for |k|^2 = `dark`, the betas at their best, and its derivative in `dark`."""
-    total, power, noise = _COUNT.sum(), observed.power, observed.noise[:, None, None]
+    total, power, noise, counted = _COUNT.sum(), observed.power[:, _COUNTED], observed.noise[:, None], dark[:, _COUNTED]
     beta = np.tile(_MEAN, (len(power), 1))
-    flat = np.exp(np.tensordot(beta, _PHI, 1)) * dark
-    beta[:, 0] = np.log(np.maximum((_COUNT * np.maximum(power - noise, 0) / flat).sum(axis=(1, 2)) / total, 1e-12))
+    flat = np.exp(beta @ _PHI) * counted
+    beta[:, 0] = np.log(np.maximum(np.maximum(power - noise, 0) / flat @ _COUNT / total, 1e-12))
     belief = 2 * BELIEF * total * _STIFFNESS
-    for _ in range(SCORINGS):
-        signal = np.exp(np.tensordot(beta, _PHI, 1)) * dark
-        model = signal + noise
-        ratio = signal / model
-        slope = np.einsum("sij,pij->sp", _COUNT * (power - model) / model * ratio, _PHI) - belief * (beta - _MEAN)
-        curvature = np.einsum("sij,pij,qij->spq", _COUNT * ratio**2, _PHI, _PHI, optimize=True) + np.diag(belief)
-        beta += np.clip(np.linalg.solve(curvature, slope[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
-    signal = np.exp(np.tensordot(beta, _PHI, 1)) * dark
+    for _ in range(STEPS):
+        signal = np.exp(beta @ _PHI) * counted
+        ratio, excess = signal / (signal + noise), power / (signal + noise)
+        slope = (_COUNT * (excess - 1) * ratio) @ _PHI.T - belief * (beta - _MEAN)
+        bend = np.maximum(ratio * (1 - ratio - excess * (1 - 2 * ratio)), LEAST_CURVATURE * ratio**2)
+        curvature = ((_COUNT * bend) @ _PAIRS).reshape(-1, len(_PHI), len(_PHI)) + np.diag(belief)
+        step = np.clip(np.linalg.solve(curvature, slope[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
+        beta += step
+        if np.abs(step).max() < SHORTEST_STEP:
+            break
+    signal = np.exp(beta @ _PHI) * counted
     model = signal + noise
-    misfit = (_COUNT * (np.log(model) + power / model)).sum(axis=(1, 2)) / total + BELIEF * (_STIFFNESS * (beta - _MEAN) ** 2).sum(axis=1)
-    by_dark = _COUNT * (1 / model - power / model**2) * (signal / dark) / total * observed.weight[:, None, None]
+    misfit = (np.log(model) + power / model) @ _COUNT / total + BELIEF * (_STIFFNESS * (beta - _MEAN) ** 2).sum(axis=1)
+    by_dark = np.zeros_like(dark)
+    by_dark[:, _COUNTED] = _COUNT * (1 / model - power / model**2) * (signal / counted) / total * observed.weight[:, None]
     return float(observed.weight @ misfit), by_dark

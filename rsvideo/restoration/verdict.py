@@ -1,26 +1,20 @@
 """Whether restoring a frame along a path will help."""
 
-import numpy as np
-
 from rsvideo.frame import Verdict
-from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.energy import energy
-from rsvideo.restoration.estimate import Evidence
+from rsvideo.restoration.evidence import Evidence
+from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.scene import Scene, windowed
 from rsvideo.restoration.sparsity import objective
 
 # What evidence has to exceed was chosen on one half of a corpus of photographs. The limits of energy and f were chosen on the cases
 # in the README and 24 others made from the same photographs.
 REST = 0.08  # by which the spectra's misfit is lower than at rest: 0.09 to 0.56 along true paths, 0 to 0.45 along others
-MIRROR = 0.002  # by which f is lower than along the mirror image: an even motion leaves no other trace of its direction
+MIRROR = 1.5  # standard errors: -1 to 1 along even motions, which leave no trace of their direction, and 2 to 17 along others
 WOBBLE = 0.5  # px; up to which the direction does not matter
-FOCUS = 0.0025  # s: -0.001 to 0.0026 along paths that do harm, up to 0.07 along true ones
-USUAL_PIXELS, SCATTER = 360_000, 0.75  # in smaller scenes f and s scatter more, by this power of the pixels; origin: by trial
-TIMES = 65  # at which a path is followed over a frame's interval
-SAMPLES, LINES = 16, 32  # of an exposure, and roughly how many scanlines, at which a path's extent is measured
+FOCUS = 2.5  # standard errors: -1 to 2.5 along paths that do harm, up to 21 along true ones
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
-FARTHEST = 0.5  # of the frame's shorter side, beyond which no hand's path leads within one frame
 COSTLIEST = 2.3  # times the frame's own energy, which rises 1.3 to 1.9 times along most true paths
 CHEAPER_ACROSS = 3.0  # times the energy along the path, which that across it must reach if the former is beyond COSTLIEST
 DENSER = 0.008  # how far f may rise over the frame's own; along true paths it mostly falls, but may rise by 0.04
@@ -53,22 +47,8 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 
 def convincing(evidence: Evidence) -> bool:
     """Whether a frame is restored by it."""
-    scatter = max(USUAL_PIXELS / evidence.pixels, 1) ** SCATTER
-    directed = evidence.mirror > scatter * MIRROR or evidence.wobble < WOBBLE
-    return evidence.rest > REST and directed and evidence.focus > scatter * FOCUS
-
-
-def beyond(camera: Camera, path: Trajectory) -> bool:
-    """Whether the path leads over more than half the frame: no hand's does, and kernels that show such a path describe the picture."""
-    poses = path.at(np.linspace(*camera.timing.interval, TIMES))[:, :2]
-    return float(np.ptp(poses, axis=0).max()) > FARTHEST * min(camera.intrinsics.rows, camera.intrinsics.cols)
-
-
-def longest(camera: Camera, path: Trajectory) -> float:
-    """The largest extent in px of any scanline's path."""
-    timing = camera.timing
-    poses = path.at(timing.sample_times(SAMPLES)[:: max(1, timing.rows // LINES)])[..., :2]
-    return float(np.linalg.norm(poses.max(axis=1) - poses.min(axis=1), axis=-1).max())
+    directed = evidence.mirror > MIRROR or evidence.wobble < WOBBLE
+    return evidence.rest > REST and directed and evidence.focus > FOCUS
 
 
 def across(path: Trajectory) -> Trajectory:

@@ -24,6 +24,7 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
     "spectrum.SHARPEST",
     "spectrum.LEAK",
     "spectrum.BELIEF",
+    "spectrum.FINE_NOISE",
     "spectral_paths.STIFFNESS",
     "search.SPECTRA",
     "search.LAST_SPECTRA",

@@ -12,12 +12,13 @@ from rsvideo.restoration import exposure
 from rsvideo.restoration.camera_path import within
 from rsvideo.restoration.clip_motion import Run, gather
 from rsvideo.restoration.exposure import Exposure, Unclear
+from rsvideo.restoration.extent import longest
 from rsvideo.restoration.focus import focus, focus_map
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, reduced, scene_of
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.trust import LONG, SHORT, run_share, trust
-from rsvideo.restoration.verdict import across, longest
+from rsvideo.restoration.verdict import across
 from tests.pipeline.moving import RATE, Moving
 
 MOVING = Moving(frames=8, rows=128, cols=192)

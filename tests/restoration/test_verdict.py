@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from rsvideo.restoration.estimate import Evidence
-from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, USUAL_PIXELS, WOBBLE, convincing
+from rsvideo.restoration.evidence import Evidence
+from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, WOBBLE, convincing
 
-GOOD = Evidence(rest=2 * REST, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS, pixels=USUAL_PIXELS)
+GOOD = Evidence(rest=2 * REST, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS)
 
 
 def test_a_path_for_which_all_speaks_is_followed() -> None:
@@ -21,10 +21,3 @@ def test_a_path_that_one_measure_does_not_bear_out_is_not(lacking: dict[str, flo
 
 def test_where_the_scanlines_do_not_sway_the_direction_does_not_matter() -> None:
     assert convincing(replace(GOOD, mirror=0.0, wobble=0.9 * WOBBLE))
-
-
-@pytest.mark.parametrize("measure", ["mirror", "focus"])
-def test_a_small_frame_has_to_show_more(measure: str) -> None:
-    small = replace(GOOD, mirror=1.0, focus=1.0, pixels=USUAL_PIXELS // 16)
-    assert convincing(small)
-    assert not convincing(replace(small, **{measure: 4 * getattr(GOOD, measure) / 2}))
