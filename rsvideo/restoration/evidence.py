@@ -5,7 +5,7 @@ A latent image's gradients are sparser along the true path than along its mirror
 frame, and counts by how far the blocks agree, in standard errors of their mean.
 
 Gradients are measured by sqrt(|grad l| / rms_local(grad l)), which hardly feels how strong an edge is: to tell a path from its mirror
-image, that shows twice what f itself does, and a latent image of a weaker ridge shows more than the one that paths are searched by.
+image, that mostly shows more than f itself does, and so does a latent image of a weaker ridge than the one that paths are searched by.
 """
 
 from dataclasses import dataclass
