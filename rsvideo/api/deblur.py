@@ -61,7 +61,7 @@ def deblur(
         >>> import numpy as np, rsvideo
         >>> shutter, camera = rsvideo.Shutter(exposure="1/50", readout="20ms"), rsvideo.Camera(focal_px=400)
         >>> sharp = rsvideo.read("samples/coffee/truth.png").pixels[100:240, 150:330]
-        >>> shot = rsvideo.simulate(sharp, shutter=shutter, camera=camera, blur_px=8, seed=2)
+        >>> shot = rsvideo.simulate(sharp, shutter=shutter, camera=camera, blur_px=8, seed=4)
         >>> result = rsvideo.deblur(shot.blurred, shutter=shutter, camera=camera)
         >>> result.verdict.value
         'restored'
