@@ -68,7 +68,7 @@ def _cases(lines: Iterator[str]) -> Iterator[dict[str, str]]:
 
 
 def figures(run: Mapping[str, list[dict[str, Any]]], sections: Mapping[str, Any]) -> Iterator[Figure]:
-    """Every number of the run that is published too, rounded as it is published."""
+    """Every number of the run that is published too, rounded as it is published unless it is compared by its ratio."""
     for name, rows in run.items():
         section = sections[name]
         known = {published.key(section, row): row for row in section["rows"]}
@@ -78,8 +78,8 @@ def figures(run: Mapping[str, list[dict[str, Any]]], sections: Mapping[str, Any]
                 old, new = before.get(column["name"]), row.get(column["name"])
                 if isinstance(old, int | float) and isinstance(new, int | float):
                     unit = column["unit"] or section.get("unit", "")
-                    case = published.key(section, row)
-                    yield Figure(case=case, what=column["title"], unit=unit, before=old, now=round(new, column["digits"]))
+                    now = new if unit in RELATIVE else round(new, column["digits"])
+                    yield Figure(case=published.key(section, row), what=column["title"], unit=unit, before=old, now=now)
 
 
 def main() -> None:
