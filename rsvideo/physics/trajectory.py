@@ -121,3 +121,9 @@ def still(interval: tuple[float, float], *, degree: int, axes: int) -> Polynomia
 def centred(curve: Trajectory, t: float) -> Trajectory:
     """The same motion, with its pose at time `t` as the origin: the gauge of the restored frame."""
     return curve.shifted(-curve.at(np.array([t]))[0])
+
+
+def path_error(found: Float[np.ndarray, "n axes"], truth: Float[np.ndarray, "n axes"]) -> float:
+    """RMS distance in px of two sampled paths in x and y, after removing the mean difference."""
+    d = (found - truth)[:, :2]
+    return float(np.sqrt(((d - d.mean(axis=0)) ** 2).sum(axis=1).mean()))

@@ -356,9 +356,3 @@ def flicker(image: Grey, following: Grey) -> float:
     fine = (image - cv2.GaussianBlur(image.astype(np.float32), (0, 0), _DETAIL))[inside]
     detail = float(np.mean(fine.astype(np.float64) ** 2))
     return float(np.sqrt(d.mean(dtype=np.float64) / detail)) if detail > _NO_DETAIL else np.nan
-
-
-def path_error(found: Float[np.ndarray, "n axes"], truth: Float[np.ndarray, "n axes"]) -> float:
-    """RMS distance in px of two sampled paths in x and y, after removing the mean difference."""
-    d = (found - truth)[:, :2]
-    return float(np.sqrt(((d - d.mean(axis=0)) ** 2).sum(axis=1).mean()))

@@ -12,14 +12,12 @@ from rsvideo.restoration.estimate import ESTIMATED, Estimate
 from rsvideo.restoration.extent import beyond
 from rsvideo.restoration.psf_fit import Candidate, Strip
 from rsvideo.restoration.refinement import Prior, refine
-from rsvideo.restoration.scene import Scene, halved, windowed
+from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.sparsity import objective
 
-TRIAL_COLS = 560  # with most texture, on which candidates are compared
 SHARP_KERNEL = 2.0  # px; kernels of sharp strips are found about 1.8 px long, for the latent image has hard edges
 SHARP_STRIPS = 2  # with such a kernel make a frame sharp
-COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution, where candidates then run first
 FIRST_STEPS = 1  # of L-BFGS, by which all candidates run before the best FINALISTS are chosen
 FINALISTS = 4  # candidates that run the heats
 HEATS = ((6, False, 3), (10, True, 3))  # steps, on all columns?, how many candidates go on; origin: by trial

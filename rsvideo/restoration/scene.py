@@ -16,6 +16,8 @@ from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Settings
 
 WINDOW_COLS = 800  # with most texture, from which the motion is estimated and on which it is judged
+TRIAL_COLS = 560  # of them, on which paths are compared
+COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution, where paths then run first
 WHITE = 99.5  # percentile of luminance that becomes 1; brighter pixels count as clipped; origin: by trial
 DARKEST_WHITE = 1e-3  # linear light; a darker frame is not stretched to white
 SAMPLES = 24  # path samples an exposure that suffice to estimate a path of up to as many px

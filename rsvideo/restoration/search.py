@@ -10,12 +10,10 @@ from rsvideo.restoration.estimate import ESTIMATED, Estimate
 from rsvideo.restoration.evidence import compared, evidence
 from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.refinement import focused, refine
-from rsvideo.restoration.scene import Scene, halved, windowed
+from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
 
-TRIAL_COLS = 560  # with most texture, on which paths are compared
-COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution, where paths then run first
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half

@@ -20,7 +20,8 @@ import numpy as np
 import published
 
 from rsvideo.physics.camera import Intrinsics, turned
-from rsvideo.report.metrics import BORDER, path_error, psnr
+from rsvideo.physics.trajectory import path_error
+from rsvideo.report.metrics import BORDER, psnr
 from rsvideo.video.decode import pictures, probe
 
 COLUMNS = ("blurred_db", "restored_db", "gain_db", "least_gain_db", "path_error_px", "seconds")  # as docs/results.json has them

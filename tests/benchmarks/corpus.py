@@ -35,9 +35,9 @@ from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
 from rsvideo.physics.tone import Transfer, decode, encode
-from rsvideo.physics.trajectory import Trajectory
+from rsvideo.physics.trajectory import Trajectory, path_error
 from rsvideo.pipeline.simulated_case import case_json, motion_csv
-from rsvideo.report.metrics import path_error, psnr
+from rsvideo.report.metrics import psnr
 from rsvideo.restoration import search, single_frame
 from rsvideo.restoration.estimate import Estimate
 from rsvideo.restoration.scanlines import to_scanlines

@@ -18,7 +18,8 @@ import cv2
 import numpy as np
 import published
 
-from rsvideo.report.metrics import path_error, psnr
+from rsvideo.physics.trajectory import path_error
+from rsvideo.report.metrics import psnr
 
 
 def codes(path: Path) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, fit, still
+from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, fit, path_error, still
 
 T0, T1 = -0.01, 0.04
 KINDS = [(Polynomial, 1), (Polynomial, 5), (Spline, 4), (Spline, 9)]
@@ -121,3 +121,11 @@ def test_still_does_not_move():
 def test_an_impossible_curve_is_refused(t0, t1, axes, rule):
     with pytest.raises(ValueError, match=rule):
         Polynomial(t0=t0, t1=t1, coefficients=np.zeros((3, axes)))
+
+
+def test_path_error_ignores_where_the_path_begins() -> None:
+    path = np.random.default_rng(0).normal(size=(50, 2))
+    off = path.copy()
+    off[::2, 0] += 2
+    assert path_error(path + 7, path) == pytest.approx(0)
+    assert path_error(off, path) == pytest.approx(1)

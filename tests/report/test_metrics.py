@@ -112,11 +112,3 @@ def test_motion_is_no_flicker_but_noise_is(photograph: np.ndarray) -> None:
     shaken = metrics.flicker(soft, noisy(moved(soft, 2.5, 1.0), 0.05))
     assert panned < 0.1
     assert shaken > 3 * panned
-
-
-def test_path_error_ignores_where_the_path_begins() -> None:
-    path = np.random.default_rng(0).normal(size=(50, 2))
-    off = path.copy()
-    off[::2, 0] += 2
-    assert metrics.path_error(path + 7, path) == pytest.approx(0)
-    assert metrics.path_error(off, path) == pytest.approx(1)
