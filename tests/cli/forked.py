@@ -1,13 +1,12 @@
 """Starts the command quickly: one process imports the libraries and forks for every call. `from tests.cli.forked import call`.
 
 A start of the command takes about a second, nearly all of it imports. The forked process differs from a fresh one in this alone:
-the rooms below the pipeline, and the libraries they use, are imported already. So it is with the workers that the command starts:
-they fork from it, and do what a fresh one does with the words that are sent to it. Where the start itself matters (signals,
-terminals, limits of the system), tests start a fresh process.
+the rooms below the pipeline, and the libraries they use, are imported already. So it is with the workers that a stand-in starts: they
+fork from it, and do what a fresh one does with the words that are sent to it. Where the start itself matters (signals, terminals,
+limits of the system), tests start a fresh process.
 """
 
 import atexit
-import contextlib
 import functools
 import gc
 import importlib
@@ -26,10 +25,7 @@ from collections.abc import Sequence
 from multiprocessing import util
 from pathlib import Path
 
-import numba
-
 INSTALLED = Path(sys.executable).with_name("rsvideo")
-_SPAWN = util.spawnv_passfds
 _LATER = (
     "rsvideo.pipeline",
     "rsvideo.batch",
@@ -121,18 +117,13 @@ def _run(argv: list[str], env: dict[str, str], cwd: str, outputs: list[str]) -> 
     os.environ.update(env)
     sys.argv = argv
     sys.path[0] = str(Path(argv[0]).parent)
-    util.spawnv_passfds = _worker
+    if Path(argv[0]) != INSTALLED:  # threads of compiled loops, of which stand-ins have none, do not outlive a fork
+        util.spawnv_passfds = _worker
     runpy.run_path(argv[0], run_name="__main__")
 
 
 def _worker(program: str, line: Sequence[object], kept: Sequence[int]) -> int:
-    """In place of `multiprocessing.util.spawnv_passfds`: the line that a fresh Python would be given runs in a forked one.
-
-    Only where the command has not run a compiled loop yet: their threads do not outlive a fork.
-    """
-    with contextlib.suppress(ValueError):  # there are no threads
-        numba.threading_layer()
-        return _SPAWN(program, line, kept)
+    """In place of `multiprocessing.util.spawnv_passfds`: the line that a fresh Python would be given runs in a forked one."""
     with warnings.catch_warnings(action="ignore"):  # of threads, which only show progress
         if pid := os.fork():
             return pid
@@ -143,7 +134,6 @@ def _worker(program: str, line: Sequence[object], kept: Sequence[int]) -> int:
                 signal.signal(number, signal.SIG_DFL)
         for first, last in itertools.pairwise(sorted({2, *kept, os.sysconf("SC_OPEN_MAX")})):
             os.closerange(first + 1, last)
-        numba.set_num_threads(int(os.environ.get("NUMBA_NUM_THREADS", "1")))  # which a fresh one reads when it imports it
         sys.argv = [program, "--multiprocessing-fork"]
         words = [os.fsdecode(word) if isinstance(word, bytes) else str(word) for word in line]
         exec(words[words.index("-c") + 1], {})

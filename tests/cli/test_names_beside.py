@@ -11,6 +11,7 @@ import pytest
 from tests.cli.conftest import Run
 from tests.cli.forked import call
 from tests.cli.test_bad_input import GOOD, one_line
+from tests.cli.test_compare import compare
 from tests.video.clips import make
 
 NULL = ("--method", "none")
@@ -148,13 +149,13 @@ def test_compare_replaces_only_what_a_comparison_made(photograph: Path, taken: s
     mine = report / taken
     mine.parent.mkdir(parents=True)
     mine.write_bytes(MINE)
-    words = ("compare", photograph, "-o", report, "--methods", "none")
-    one_line(call(*words), 4, mine.name, "--overwrite")
+    words = (photograph, "-o", report, "--methods", "none")
+    one_line(compare(*words), 4, mine.name, "--overwrite")
     assert mine.read_bytes() == MINE
-    assert call(*words, "--overwrite").returncode == 0
-    assert call(*words, "--fresh", "--overwrite").returncode == 0
+    assert compare(*words, "--overwrite").returncode == 0
+    assert compare(*words, "--fresh", "--overwrite").returncode == 0
     (report / "index.html").unlink()
     (report / "report.csv").unlink()
     (report / "report.json").unlink()
-    done = call(*words, "--fresh")  # its own results need no permission
+    done = compare(*words, "--fresh")  # its own results need no permission
     assert done.returncode == 0, done.stderr
