@@ -201,6 +201,7 @@ def row_fourier(
     base = (lowest + top).astype(np.int64)
     count = -(-(period // 2 + 1) // _LANES)
     first = (index - index.min(axis=1, keepdims=True)).astype(np.int64)
-    re, im = _symbol(dx.astype(float), share.astype(float), first, across.astype(np.float32), width, float(period), count)
+    dx, share = (np.ascontiguousarray(each, dtype=float) for each in (dx, share))  # in one order, or each is compiled for
+    re, im = _symbol(dx, share, first, across.astype(np.float32), width, float(period), count)
     latent_rows = max(int(base.max()) + width, rows + top) + margin
     return RowFourier(rows=rows, cols=cols, top=top, latent_rows=latent_rows, left=left, period=period, base=base, re=re, im=im)

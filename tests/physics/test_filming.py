@@ -124,7 +124,7 @@ def test_a_line_that_sweeps_leaves_an_even_streak():
     line = np.zeros((24, 60, 1), np.float32)
     line[:, 20] = 1
     between = SceneBetween(before=line, after=np.roll(line, 12, axis=1), forward=even_flow(12), backward=even_flow(-12))
-    streak = between.exposed(np.zeros(24), np.ones(24), np.broadcast_to(np.arange(24)[:, None], (24, 60)))[12, 22:31, 0]
+    streak = between.exposed(np.zeros(24), np.ones(24), np.repeat(np.arange(24)[:, None], 60, axis=1))[12, 22:31, 0]
     np.testing.assert_allclose(streak, 1 / 12, rtol=0.05)
 
 
