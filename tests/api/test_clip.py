@@ -22,6 +22,7 @@ SHUTTER = rsvideo.Shutter(exposure=0.02, readout=0.02)
 CAMERA = rsvideo.Camera(focal_px=1.2 * 160)
 FRAMES = 6
 CHUNK = 4  # frames at most
+QUICK = rsvideo.Settings(prior="tv")  # the denoiser is tested with photographs
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def restored(codes: list[np.ndarray]) -> list[rsvideo.Result]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(chunk, "SHORTEST", CHUNK)
         patch.setattr(chunk, "LONGEST", CHUNK)
-        return list(rsvideo.deblur_clip(codes, shutter=SHUTTER, camera=CAMERA, rate=RATE))
+        return list(rsvideo.deblur_clip(codes, shutter=SHUTTER, camera=CAMERA, settings=QUICK, rate=RATE))
 
 
 def test_the_frames_come_in_order_and_sharper(moving: Moving, restored: list[rsvideo.Result]) -> None:
@@ -80,7 +81,7 @@ def test_the_frames_come_in_order_and_sharper(moving: Moving, restored: list[rsv
 @pytest.mark.usefixtures("short_chunks")
 def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored: list[rsvideo.Result], tmp_path: Path) -> None:
     camera = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px}
-    output = {"output": tmp_path / "out", "encoding": {"codec": "png"}}
+    output = {"output": tmp_path / "out", "encoding": {"codec": "png"}, "deblur": {"prior": "tv"}}
     task = prepare(Request.model_validate({"source": folder, "input": {"rate": RATE}, "camera": camera, **output}))
     assert len(chunk.chunks(task)) == 2
     carry_out(task, ignore)
@@ -92,7 +93,7 @@ def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored
 def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndarray], motion: Path, tmp_path: Path) -> None:
     for k, frame in enumerate(codes[:3]):
         imageio.imwrite(tmp_path / f"{k:03}.png", frame)
-    how = {"shutter": SHUTTER, "camera": CAMERA, "settings": rsvideo.Settings(prior="tv"), "trajectory": motion}
+    how = {"shutter": SHUTTER, "camera": CAMERA, "settings": QUICK, "trajectory": motion}
     wanted = list(rsvideo.deblur_clip(codes[:3], rate=RATE, **how))
     clip = rsvideo.read_clip(tmp_path, rate=RATE)
     for source, rate in ((tmp_path, RATE), (clip, None), (iter(codes[:3]), RATE)):
@@ -103,7 +104,7 @@ def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndar
 
 @pytest.mark.usefixtures("short_chunks")
 def test_a_clip_restored_along_its_track_is_the_same(codes: list[np.ndarray], restored: list[rsvideo.Result]) -> None:
-    how = {"shutter": SHUTTER, "camera": CAMERA, "rate": RATE}
+    how = {"shutter": SHUTTER, "camera": CAMERA, "settings": QUICK, "rate": RATE}
     path = rsvideo.track(codes, **how)
     assert len(path.trajectories) == FRAMES
     assert path.tied.tolist() == [True] * (FRAMES - 1) + [False]
@@ -114,7 +115,7 @@ def test_a_clip_restored_along_its_track_is_the_same(codes: list[np.ndarray], re
 
 
 def test_a_motion_in_a_file_is_followed(moving: Moving, codes: list[np.ndarray], motion: Path) -> None:
-    results = list(rsvideo.deblur_clip(codes[:3], shutter=SHUTTER, camera=CAMERA, rate=RATE, trajectory=motion))
+    results = list(rsvideo.deblur_clip(codes[:3], shutter=SHUTTER, camera=CAMERA, settings=QUICK, rate=RATE, trajectory=motion))
     t = np.linspace(*results[1].timing.interval, 9)
     way = moving.way(1)
     np.testing.assert_allclose(results[1].trajectory.at(t), way.at(t) - way.at(np.array([results[1].timing.middle])), atol=0.05)
@@ -122,7 +123,7 @@ def test_a_motion_in_a_file_is_followed(moving: Moving, codes: list[np.ndarray],
 
 def test_light_comes_back_as_light_and_grey_as_grey(moving: Moving, motion: Path) -> None:
     frames = [r.blurred[..., 0] for r in moving.renderings[:3]]
-    for result in rsvideo.deblur_clip(frames, shutter=SHUTTER, camera=CAMERA, rate=RATE, trajectory=motion):
+    for result in rsvideo.deblur_clip(frames, shutter=SHUTTER, camera=CAMERA, settings=QUICK, rate=RATE, trajectory=motion):
         assert result.latent.shape == (96, 160)
         assert result.latent.dtype == np.float32
 
@@ -139,7 +140,9 @@ def test_only_a_chunk_is_held(codes: list[np.ndarray], monkeypatch: pytest.Monke
                 taken[-1] += 1
                 yield frame
 
-    results = rsvideo.deblur_clip(Frames(), shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone"))
+    results = rsvideo.deblur_clip(
+        Frames(), shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone", prior="tv")
+    )
     next(results)
     assert taken[-1] <= CHUNK + chunk.AHEAD
     results.close()  # pyright: ignore[reportAttributeAccessIssue]
