@@ -123,9 +123,10 @@ def track(
     Examples:
         >>> import rsvideo
         >>> shutter, camera = rsvideo.Shutter(exposure="1/50", readout="20ms"), rsvideo.Camera(focal_px=400)
-        >>> path = rsvideo.track("samples/clip/blurred.mp4", shutter=shutter, camera=camera)
+        >>> clip = rsvideo.read_clip("samples/clip/blurred.mp4")
+        >>> path = rsvideo.track([*clip][:4], shutter=shutter, camera=camera, rate=clip.rate)
         >>> len(path.trajectories), path.steps.shape, bool(path.tied[:-1].all())
-        (12, (12, 3), True)
+        (4, (4, 3), True)
         >>> path.trajectories[0].poses.shape  # of the first frame's own motion
         (161, 3)
     """

@@ -137,7 +137,7 @@ def test_a_degree_that_one_frame_does_not_determine_is_refused():
 
 def moved(bend: float) -> tuple[Intrinsics, ShutterTiming, Trajectory]:
     """A camera, its shutter, and a motion that is even but for `bend`."""
-    camera = Intrinsics.centred(focal=500.0, rows=160, cols=224)
+    camera = Intrinsics.centred(focal=500.0, rows=128, cols=192)
     timing = shutter(Direction.TOP_TO_BOTTOM, camera)
     return camera, timing, path(timing, np.array([[0.0, 0.0], [5.0, -2.5], [bend, bend]]))
 

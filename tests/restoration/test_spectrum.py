@@ -16,7 +16,7 @@ from rsvideo.restoration.spectral_paths import apart, mirrored, spectral_paths
 from rsvideo.restoration.spectrum import LINES, SAMPLES, SIDE, Spectrum, patches
 from rsvideo.restoration.verdict import across
 
-ROWS, COLS = 240, 360
+ROWS, COLS = 192, 288
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
 LENS = Intrinsics.centred(focal=400, rows=ROWS, cols=COLS)
 TIMES = np.linspace(*TIMING.interval, 65)
