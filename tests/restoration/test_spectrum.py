@@ -9,10 +9,10 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
-from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
+from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, path_error
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.spectral_paths import apart, mirrored, spectral_paths
+from rsvideo.restoration.spectral_paths import mirrored, spectral_paths
 from rsvideo.restoration.spectrum import LINES, SAMPLES, SIDE, Spectrum, patches
 from rsvideo.restoration.verdict import across
 
@@ -111,7 +111,7 @@ def test_the_path_is_found_from_nothing_but_for_its_sign(scene: Scene) -> None:
     found = spectral_paths(scene, Settings())
     assert found is not None
     best = found[1][0]
-    assert min(apart(best, PATH, TIMES, sign) for sign in (1, -1)) < 0.8
+    assert min(path_error(best.at(TIMES), sign * PATH.at(TIMES)) for sign in (1, -1)) < 0.8
 
 
 def test_a_frame_at_rest_shows_a_short_path_or_one_that_explains_no_more() -> None:
