@@ -79,8 +79,8 @@ def deblur_clip(
         settings: How to restore; the command line's defaults unless given.
         rate: Frames a second, of arrays and of folders of pictures, such as 24 or "24000/1001".
         transfer: What codes mean, by name. [default: the clip's tag, or "srgb" of arrays]
-        trajectory: Restore along this motion: a `Track` of the same clip, or a file (a sidecar of `rsvideo deblur`, or CSV of
-            t_s,pitch_rad,yaw_rad,roll_rad over the whole clip).
+        trajectory: Restore along this motion: a `Track` of the same clip, or a file (a sidecar of `rsvideo track` or `rsvideo deblur`, or
+            CSV of t_s,pitch_rad,yaw_rad,roll_rad over the whole clip).
         observe: Called with a `Progress` (stage, fraction of its frame, frame) now and then.
 
     Returns:
@@ -136,9 +136,9 @@ def track(
     camera_found, found, times = shot.treatment.camera, [], []
     for chunk, pictures in shot.chunks():
         moving = chunks.movement(shot.treatment, pictures, shot.colour, None, observe or ignore)
-        own = slice(chunk.first - pictures[0].index, chunk.last + 1 - pictures[0].index)
-        found.append(moving.part(own.start, own.stop))
-        times += [picture.time for picture in pictures[own]]
+        mine, part = chunks.own(chunk, pictures, moving)
+        found.append(part)
+        times += [picture.time for picture in mine]
     steps = np.vstack([part.steps for part in found])
     return Track(
         trajectories=tuple(curve and Trajectory(curve=curve) for part in found for curve in part.within),

@@ -17,6 +17,7 @@ from rsvideo.cli.options import RequestCommand
 from rsvideo.cli.plot import plot
 from rsvideo.cli.run import run
 from rsvideo.cli.simulate import simulate
+from rsvideo.cli.track import track
 from rsvideo.cli.validate import schema, validate
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
@@ -28,6 +29,7 @@ app.command()(plot)
 app.command()(run)
 app.command()(schema)
 app.command()(simulate)
+app.command(cls=RequestCommand)(track)
 app.command()(validate)
 
 

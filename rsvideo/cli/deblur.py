@@ -1,6 +1,5 @@
 """rsvideo deblur: one blurred photograph or clip in, a sharp one out, in this process. Batches and resuming are `rsvideo run`."""
 
-import os
 import shutil
 import sys
 from pathlib import Path
@@ -24,7 +23,7 @@ def deblur(
     ],
     output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format.")],
     given: options.Given,
-    threads: Annotated[int | None, Option(min=1, max=options.MOST_THREADS, help="[default: all cores]")] = None,
+    threads: options.Threads = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace OUTPUT and its sidecar.")] = False,
     json: Annotated[bool, Option("--json", help="Print the sidecar on standard output.")] = False,
 ) -> None:
@@ -33,9 +32,7 @@ def deblur(
     Beside OUTPUT a sidecar <stem>.rsvideo.json records the timing, the motion that was found and the verdict of each frame;
     of a clip, <stem>.gcsv the motion as a gyroscope's log.
     """
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other on a busy machine
-    if threads:
-        os.environ["NUMBA_NUM_THREADS"] = str(threads)  # read once, when numba is first imported
+    options.use_threads(threads)
     with refusing():
         _carry_out(options.request(source, output, given, overwrite=overwrite), json=json)
 

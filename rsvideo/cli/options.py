@@ -5,6 +5,7 @@ The models take time to load, so the options are made when a command is called o
 
 import enum
 import inspect
+import os
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +26,8 @@ Given = Mapping[str, Any]
 """What was given, under keys such as `camera.exposure`; the parameter of this type stands where the options are listed."""
 
 NOTHING: Given = MappingProxyType({})
+
+Threads = Annotated[int | None, typer.Option(min=1, max=MOST_THREADS, help="[default: all cores]")]
 
 _OFFERED = "__offered__"
 
@@ -87,6 +90,13 @@ def sections(given: Given) -> "Sections":
         words = str(fault["msg"]).removeprefix("Value error, ").replace(field.name, field.name.replace("_", "-"), 1)
         own = fault["type"] == "value_error"
         raise ValueError(words if own else f"{field.flag}: {words[:1].lower()}{words[1:]}, got {fault['input']!r}") from error
+
+
+def use_threads(threads: int | None) -> None:
+    """Let the compiled kernels use so many; before they are first imported, since they read it then."""
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other on a busy machine
+    if threads:
+        os.environ["NUMBA_NUM_THREADS"] = str(threads)
 
 
 def flag(key: str) -> str:

@@ -126,7 +126,7 @@ class Motion(Section):
     trajectory: Annotated[
         Path | None,
         Option(
-            help="A file with the motion, which is then not estimated: a sidecar, or CSV of t_s,pitch_rad,yaw_rad,roll_rad.",
+            help="A file with the motion, which is then not estimated: of rsvideo track, a sidecar, CSV of t_s,pitch_rad,yaw_rad,roll_rad.",
             metavar="FILE",
             is_file=True,
         ),
@@ -257,6 +257,7 @@ class Request(Sections):
     source: Path
     output: Path
     overwrite: bool = False
+    motion_only: bool = False  # OUTPUT is the motion's sidecar, and no picture is written
     measured: Measured | None = None  # once the request is prepared
 
     @classmethod
@@ -282,6 +283,8 @@ class Request(Sections):
     @property
     def files(self) -> tuple[Path, ...]:
         """All that is written."""
+        if self.motion_only:
+            return (self.output,)
         return (self.output, self.record, self.log) if self.is_clip else (self.output, self.record)
 
     @property

@@ -98,6 +98,39 @@ class Sampled(_Record):
         return np.stack([self.x_px, self.y_px, self.roll_rad], axis=1)
 
 
+class Drift(_Record):
+    """How the points of a frame move beside its path, along the scanlines: `rsvideo.restoration.parallax.Flow`."""
+
+    points_px: Annotated[list[tuple[Middle, Middle]], Field(fail_fast=True, min_length=1, max_length=1000)]
+    weights_px_s: Annotated[list[tuple[Finite, Finite]], Field(fail_fast=True)]
+    length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
+
+    @model_validator(mode="after")
+    def _check(self) -> "Drift":
+        if len(self.points_px) != len(self.weights_px_s):
+            raise ValueError("points_px and weights_px_s must be equally long")
+        return self
+
+
+class Found(_Record):
+    """What the search for a clip's motion found of a frame, exactly: restored along it, the frame has the pixels that follow the search."""
+
+    path: (
+        Annotated[list[Annotated[list[Finite], Field(min_length=2, max_length=3)]], Field(fail_fast=True, min_length=1, max_length=64)]
+        | None
+    )
+    """Of a polynomial over the frame's interval, (terms, axes) in image axes; None: no point of the frame could be followed."""
+    drift: Drift | None  # None: all points move along the path
+    error_px: Annotated[Finite, Field(ge=0)]  # by which the blur of one exposure may depart from path and drift
+    share: Annotated[float, Field(ge=0, le=1)]  # of a restoration: whether the blur of the run bears its path out
+
+    @model_validator(mode="after")
+    def _check(self) -> "Found":
+        if self.path and len({len(term) for term in self.path}) > 1:
+            raise ValueError("path must have equally many axes in all terms")
+        return self
+
+
 class FrameRecord(_Record):
     """What became of one frame."""
 
@@ -113,6 +146,8 @@ class FrameRecord(_Record):
     """The objective after each step of the last refinement of the trajectory."""
     psfs: Annotated[list[list[list[list[Finite]]]], Field(fail_fast=True, min_length=1, max_length=64)] | None = None
     """PSFs over a grid of the frame, (down, across, k, k), of methods that know no trajectory."""
+    found: Found | None = None
+    """By `rsvideo track`: `trajectory` as it was found, and what else a restoration needs."""
 
     @model_validator(mode="after")
     def _check(self) -> "FrameRecord":
@@ -127,7 +162,7 @@ class FrameRecord(_Record):
 
     def encode(self) -> bytes:
         """One line of JSON, without what there is nothing to say of."""
-        unsaid = {name for name in ("to_next", "convergence", "psfs") if not getattr(self, name)}
+        unsaid = {name for name in ("to_next", "convergence", "psfs", "found") if not getattr(self, name)}
         return self.model_dump_json(exclude=unsaid).encode()
 
 

@@ -17,13 +17,12 @@ from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.pipeline import clip_frames, given_blur, methods, output
+from rsvideo.pipeline import clip_frames, given_movement, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.restoration.movement import Movement
-from rsvideo.shooting import given_motion as motion_file
 from rsvideo.video import colour, cuts, decode, planes, vidstab
 from rsvideo.video.stream import Colour, Picture
 
@@ -109,10 +108,15 @@ def restored(
     treatment: Treatment, chunk: Chunk, pictures: Sequence[Picture], meaning: Colour, moving: Movement, observe: Observer
 ) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
     """The chunk's own among the pictures in view, what becomes of each, and the step from its pose to the next one's."""
-    mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
-    wanted, moving = [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
+    wanted, moving = own(chunk, pictures, moving)
     for k, (picture, result) in enumerate(zip(wanted, _results(treatment, wanted, meaning, moving, observe), strict=True)):
         yield picture, result, moving.steps[k] if moving.tied[k] else None
+
+
+def own(chunk: Chunk, pictures: Sequence[Picture], moving: Movement) -> tuple[list[Picture], Movement]:
+    """The chunk's own among the pictures in view, with their part of the motion."""
+    mine = [k for k, p in enumerate(pictures) if chunk.first <= p.index <= chunk.last]
+    return [pictures[k] for k in mine], moving.part(mine[0], mine[-1] + 1) if mine else moving.part(0, 0)
 
 
 def _steadied(task: Task, pictures: list[Picture], folder: Path) -> list[Picture]:
@@ -145,11 +149,6 @@ def _results(treatment: Treatment, pictures: list[Picture], meaning: Colour, mov
 def movement(treatment: Treatment, pictures: Sequence[Picture], meaning: Colour, given: Path | None, observe: Observer) -> Movement:
     """The motion within each picture, and from each to the next: as a file gives it, or found."""
     if given is not None:
-        camera = treatment.camera
-        within, steps = motion_file.of_clip(given, camera.timing, camera.intrinsics, [(p.index, p.time) for p in pictures])
-        for path in within:
-            given_blur.check(given, path, camera)
-        tied = [step is not None for step in steps]
-        return Movement(within=[*within], steps=np.array([step or [0.0] * 3 for step in steps]), tied=tied)
+        return given_movement.of_pictures(given, treatment.camera, [(p.index, p.time) for p in pictures])
     begins = np.array([p.time for p in pictures])
     return methods.movement(treatment, (clip_frames.frame(meaning, p) for p in pictures), begins, observe)

@@ -82,11 +82,13 @@ def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe
         observe(Progress(stage="restoring", fraction=1.0, frame=frame.index))
 
 
-def untouched(treatment: Treatment, frame: Frame, verdict: Verdict) -> FrameResult:
-    """The frame as it came."""
+def untouched(
+    treatment: Treatment, frame: Frame, verdict: Verdict, trajectory: Trajectory | None = None, seconds: float = 0.0
+) -> FrameResult:
+    """The frame as it came, at rest unless a trajectory is given."""
     timing = treatment.camera.timing
-    rest = still(timing.interval, degree=1, axes=3)
-    result = FrameResult(frame=frame, timing=timing, trajectory=rest, latent=frame.pixels, verdict=verdict, seconds=0.0)
+    path = trajectory or still(timing.interval, degree=1, axes=3)
+    result = FrameResult(frame=frame, timing=timing, trajectory=path, latent=frame.pixels, verdict=verdict, seconds=seconds)
     return _with_source(treatment, result)
 
 

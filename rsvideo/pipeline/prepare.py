@@ -17,6 +17,7 @@ from rsvideo.pipeline import gyro_alignment, output, take
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Take
+from rsvideo.pipeline.tracked import tracked
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing
 from rsvideo.shooting.fact import Fact
@@ -43,7 +44,7 @@ class Task:
     camera: sidecar.Camera
     settings: Settings
     gyro: Gyro | None
-    encoding: "Encoding | None"  # of a clip
+    encoding: "Encoding | None"  # of a clip that is written
     first: int  # frames [first, last) are restored
     last: int
     notes: tuple[str, ...]  # what the user should know before the work
@@ -125,8 +126,7 @@ def prepare(request: Request) -> Task:
         )
     first, last, encoding, written = _frames_and_encoding(request, opened)
     request, opened = _measured(request, opened, first, last)
-    shutter = timing.resolve(_NO_SHUTTER if request.deblur.method is Method.NONE else request.camera, opened.shutter)
-    camera, lens_notes = camera_of(request, opened.shutter, opened.profile, opened.focal, opened.focal_notes)
+    shutter, camera, lens_notes = _taken_by(request, opened)
     settings = settings_of(request)
     gyro = _gyro(request, opened, (first, last), shutter.timing, camera.intrinsics, settings)
     if gyro:  # which need not be looked for again
@@ -150,6 +150,15 @@ def prepare(request: Request) -> Task:
             *written,
         ),
     )
+
+
+def _taken_by(request: Request, opened: Take) -> tuple[timing.Resolved, sidecar.Camera, tuple[str, ...]]:
+    """Shutter, camera and what to know of the latter: those with which the motion was found, if it was found before."""
+    stated = _NO_SHUTTER if request.deblur.method is Method.NONE else request.camera
+    if request.is_clip and (found := tracked(request.motion.trajectory)):
+        return found.taken_by(request.camera, opened.shutter, request.source), found.camera, ()
+    shutter = timing.resolve(stated, opened.shutter)
+    return shutter, *camera_of(request, opened.shutter, opened.profile, opened.focal, opened.focal_notes)
 
 
 def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Request, Take]:
@@ -178,7 +187,9 @@ def _check(request: Request) -> None:
     """Refuse what can be refused before anything is read."""
     names.check(*request.files)
     method = request.deblur.method
-    if not request.is_clip:
+    if request.motion_only:
+        _check_motion(request)
+    elif not request.is_clip:
         taken = f"{request.source} is taken for a photograph"
         if wrong := next(iter(request.of_clips()), None):
             raise ValueError(f"{wrong.flag} concerns clips, {taken}; clips are .mp4, .mov, .mkv or folders")
@@ -194,6 +205,14 @@ def _check(request: Request) -> None:
 
         if not vidstab.available():
             raise ValueError(f"the method {method} needs imageio-ffmpeg; pip install 'rsvideo[vidstab]' brings it")
+
+
+def _check_motion(request: Request) -> None:
+    if not request.is_clip:
+        raise ValueError(f"{request.source} is taken for a photograph, motion is found between the frames of a clip; deblur finds its own")
+    if request.output.suffix.lower() != ".json":
+        raise ValueError(f"OUTPUT must end in .json, by which --trajectory knows a sidecar, got {request.output}")
+    output.check_kind(request.output, folder=False)
 
 
 def _opened(request: Request) -> Take:
@@ -213,6 +232,8 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     from rsvideo.video.output_format import SEQUENCES, Encoding, chosen
 
     first, last = clip_facts.frame_range(opened.source, request.input.range)
+    if request.motion_only:
+        return first, last, None, ()
     wanted = request.encoding
     encoding = Encoding(codec=wanted.codec, quality=wanted.quality, pixel_format=wanted.pixel_format)
     codec, _, notes = chosen(request.output, opened.source, encoding)

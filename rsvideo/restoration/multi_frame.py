@@ -94,28 +94,60 @@ def restored(
         yield ready(k)
 
 
-def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.ndarray, settings: Settings) -> _Waiting:
-    """The frame restored by itself, along its path; without evidence the path was given, and is not judged."""
-    started = time.monotonic()
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Judged:
+    """How far a frame is restored along its path."""
+
+    verdict: Verdict
+    moved: float  # 0 to 1: how much of what becomes of the frame is shown, by how far it moves
+    length: float  # px of its blur
+    share: Float[np.ndarray, "rows cols 1"] | float = 0.0  # of the restoration, by what bears the path out
+
+
+def verdicts(frames: Iterable[Frame], movement: Movement, camera: Camera, settings: Settings) -> Iterator[Verdict | None]:
+    """What `restored` will answer of each frame, without its work; None of a frame without a trajectory, which is judged by that work."""
+    movement = movement.along_scanlines(camera.timing.direction)
+    for frame, path, evidence in zip(frames, movement.within, movement.beside, strict=True):
+        yield None if path is None else _judged(to_scanlines(frame, camera), path, evidence, settings).verdict
+
+
+def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: Settings) -> _Judged:
+    """Without evidence the path was given, and is followed as it is."""
     reach = np.ptp(path.at(np.linspace(*view.camera.timing.interval, TIMES))[:, :2], axis=0)
     moved = float(np.clip((np.linalg.norm(reach) - STILL) / (MOVING - STILL), 0, 1))
     length = longest(view.camera, path)
-    left = Restored(view=view, trajectory=path, latent=view.pixels, verdict=Verdict.SHARP, seconds=0.0)
     if beyond(view.camera, path):
-        return _Waiting(restored=replace(left, verdict=Verdict.UNEXPLAINED))
+        return _Judged(verdict=Verdict.UNEXPLAINED, moved=moved, length=length)
     if moved == 0:
-        return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
-    share, straight, flow = 1.0, view.pixels, evidence and evidence.flow
+        return _Judged(verdict=Verdict.SHARP, moved=moved, length=length)
+    share = 1.0
     if evidence:
-        straight = view.pixels + np.float32(moved) * (rectified(view, path, flow=flow).pixels - view.pixels)
-        share = evidence.share * trust(scene_of(view, settings, flow), path, length)[..., None] if evidence.share else 0.0
+        share = evidence.share * trust(scene_of(view, settings, evidence.flow), path, length)[..., None] if evidence.share else 0.0
     if np.mean(share) < LEAST_SHARE:
         verdict = Verdict.DISAGREES if length > LONG and not (evidence and evidence.share) else Verdict.STRAIGHTENED
-        done = replace(left, latent=straight, verdict=verdict, seconds=time.monotonic() - started)
+        return _Judged(verdict=verdict, moved=moved, length=length)
+    return _Judged(verdict=Verdict.RESTORED, moved=moved, length=length, share=share)
+
+
+def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.ndarray, settings: Settings) -> _Waiting:
+    """The frame restored by itself, along its path."""
+    started = time.monotonic()
+    judged = _judged(view, path, evidence, settings)
+    verdict, length, moved = judged.verdict, judged.length, np.float32(judged.moved)
+    left = Restored(view=view, trajectory=path, latent=view.pixels, verdict=verdict, seconds=0.0)
+    if verdict is Verdict.UNEXPLAINED:
+        return _Waiting(restored=left)
+    if verdict is Verdict.SHARP:
+        return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
+    straight, flow = view.pixels, evidence and evidence.flow
+    if evidence:
+        straight = view.pixels + moved * (rectified(view, path, flow=flow).pixels - view.pixels)
+    if verdict.straightened:
+        done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
     noise = single_frame.model_noise(view, evidence.error if evidence else 0.0)
     alone = single_frame.restored(view, settings, path=path, noise=noise, flow=flow)
-    waiting = _Waiting(restored=alone, flow=flow, straight=straight, share=np.float32(moved) * share, noise=noise)
+    waiting = _Waiting(restored=alone, flow=flow, straight=straight, share=moved * judged.share, noise=noise)
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)
 

@@ -41,9 +41,7 @@ def of_clip(
     """
     steps: list[list[float] | None] = [None] * len(frames)
     if path.suffix.lower() == ".json":
-        held = sidecar.frames(path, {index for index, _ in frames})
-        if missing := [index for index, _ in frames if index not in held]:
-            raise UnreadableError(f"{path} must hold the motion of frame {missing[0]}, it does not; is it another clip's, or a part's?")
+        held = of_frames(path, [index for index, _ in frames])
         within = [(np.array(held[index].trajectory.t_s), held[index].trajectory.poses()) for index, _ in frames]
         steps[:-1] = [held[index].to_next for index, _ in frames[:-1]]
     else:
@@ -56,6 +54,14 @@ def of_clip(
             at = CubicSpline(t, poses)(np.array([begins + timing.middle for _, begins in frames]))
             steps[:-1] = np.diff(at, axis=0).tolist()
     return [_within(path, t, poses, timing, intrinsics) for t, poses in within], steps
+
+
+def of_frames(path: Path, indices: Sequence[int]) -> dict[int, sidecar.FrameRecord]:
+    """What a sidecar holds of all of these frames; UnreadableError where it lacks one."""
+    held = sidecar.frames(path, {*indices})
+    if missing := [index for index in indices if index not in held]:
+        raise UnreadableError(f"{path} must hold the motion of frame {missing[0]}, it does not; is it another clip's, or a part's?")
+    return held
 
 
 def _near(
