@@ -8,20 +8,30 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli import options
-from rsvideo.cli.exit_codes import note, refusing
+from rsvideo.cli import options, pipes
+from rsvideo.cli.exit_codes import GoneError, note, refusing
 from rsvideo.cli.terminal import say
+from rsvideo.config import media
 
 if TYPE_CHECKING:
+    from io import RawIOBase
+
     from rsvideo.config.request import Request
+    from rsvideo.pipeline.pieces import Outcome
+    from rsvideo.pipeline.prepare import Task
+    from rsvideo.progress import Observer
+    from rsvideo.video.stream import Stream
 
 
-@options.offers("camera", "motion", "deblur", "input", "encoding")
+@options.offers("camera", "motion", "deblur", "input", "encoding", "pipe")
 def deblur(
     source: Annotated[
-        Path, typer.Argument(metavar="INPUT", help="A photograph (PNG, TIFF, JPEG, raw), a clip (MP4, MOV, MKV), or a folder of pictures.")
+        Path,
+        typer.Argument(
+            metavar="INPUT", help="A photograph (PNG, TIFF, JPEG, raw), a clip (MP4, MOV, MKV, - for a pipe), or a folder of pictures."
+        ),
     ],
-    output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format.")],
+    output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format. - is a pipe.")],
     given: options.Given,
     threads: options.Threads = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace OUTPUT and its sidecar.")] = False,
@@ -34,26 +44,43 @@ def deblur(
     """
     options.use_threads(threads)
     with refusing():
-        _carry_out(options.request(source, output, given, overwrite=overwrite), json=json)
+        request = options.request(source, output, given, overwrite=overwrite)
+        if json and media.is_pipe(output):
+            raise ValueError("--json prints on standard output, OUTPUT - writes pictures there; give one of them")
+        with pipes.piped(request) as piped:
+            _carry_out(request, piped, json=json)
 
 
-def _carry_out(request: "Request", *, json: bool) -> None:
+def _carry_out(request: "Request", piped: "Stream | None", *, json: bool) -> None:
     """Restore, write, and report what was done."""
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
     from rsvideo.pipeline import demand
-    from rsvideo.pipeline.deblur import carry_out
     from rsvideo.pipeline.prepare import prepare
 
+    out = pipes.standard_output() if media.is_pipe(request.output) else None
     with quiet.c_libraries():
-        task = prepare(request)
+        task = prepare(request, piped)
         demand.check(task)
     note(task.notes)
     with progress_bar() as observe:
-        outcome = carry_out(task, observe)
+        outcome = _restored(task, out, observe)
     note(each for each in outcome.notes if each not in task.notes)
     if json:
         with request.record.open(encoding="utf-8") as record:
             shutil.copyfileobj(record, sys.stdout)
     else:
-        say(f"{outcome.summary}: {request.output}")
+        say(f"{outcome.summary}: {'standard output' if out else request.output}")
+
+
+def _restored(task: "Task", out: "RawIOBase | None", observe: "Observer") -> "Outcome":
+    if out is None:
+        from rsvideo.pipeline import deblur
+
+        return deblur.carry_out(task, observe)
+    from rsvideo.pipeline import piped
+
+    try:
+        return piped.carry_out(task, out, observe)
+    except BrokenPipeError as error:
+        raise GoneError(f"the reader of {error.filename} has gone: {error.strerror}") from error

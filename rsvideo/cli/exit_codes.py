@@ -10,6 +10,8 @@ from rsvideo.cli.terminal import say
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.placing import SIGNALS
 
+_SIGPIPE = 13  # by which other programs end whose reader has gone; not every system names it
+
 
 class Code(enum.IntEnum):
     """Exit codes; a signal ends with 128 and its number."""
@@ -20,6 +22,10 @@ class Code(enum.IntEnum):
     UNREADABLE = 3  # input missing, damaged or of the wrong kind
     EXISTS = 4  # output, and --overwrite was not given
     WORSE = 5  # done, but with more failed frames than allowed
+
+
+class GoneError(Exception):
+    """The reader of standard output has gone; no OSError, whose number typer takes for an end without a word."""
 
 
 class RefusedError(Exception):
@@ -91,6 +97,8 @@ def _code_and_words(error: BaseException) -> tuple[int, str]:
             return Code.EXISTS, str(error)
         case MemoryError():
             return Code.FAILED, "memory ran out; is there room for about 1.5 GB at 2 megapixels? a crop needs less"
+        case GoneError():
+            return 128 + _SIGPIPE, str(error)
         case OSError():
             return Code.FAILED, f"{error.filename or 'a file'} could not be written: {error.strerror or error}"
         case _ if hasattr(error, "format_message"):  # what typer raises for a command line it cannot parse

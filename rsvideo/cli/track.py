@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Option
 
-from rsvideo.cli import options
+from rsvideo.cli import options, pipes
 from rsvideo.cli.exit_codes import note, refusing
 from rsvideo.cli.terminal import say
 
 if TYPE_CHECKING:
     from rsvideo.config.request import Request
+    from rsvideo.video.stream import Stream
 
 
-@options.offers("camera", "motion.model", "input")
+@options.offers("camera", "motion.model", "input", "pipe", "encoding.pixel_format")
 def track(
-    source: Annotated[Path, typer.Argument(metavar="CLIP", help="An MP4, MOV or MKV file, or a folder of pictures.")],
+    source: Annotated[Path, typer.Argument(metavar="CLIP", help="An MP4, MOV or MKV file, - for a pipe, or a folder of pictures.")],
     output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="The sidecar, such as clip.rsvideo.json.")],
     given: options.Given,
     threads: options.Threads = None,
@@ -31,11 +32,12 @@ def track(
     """
     options.use_threads(threads)
     with refusing():
-        request = options.request(source, output, given, overwrite=overwrite)
-        _carry_out(request.replaced(motion_only=True), json=json)
+        request = options.request(source, output, given, overwrite=overwrite).replaced(motion_only=True)
+        with pipes.piped(request) as piped:
+            _carry_out(request, piped, json=json)
 
 
-def _carry_out(request: "Request", *, json: bool) -> None:
+def _carry_out(request: "Request", piped: "Stream | None", *, json: bool) -> None:
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
     from rsvideo.pipeline import demand
@@ -43,7 +45,7 @@ def _carry_out(request: "Request", *, json: bool) -> None:
     from rsvideo.pipeline.track import carry_out
 
     with quiet.c_libraries():
-        task = prepare(request)
+        task = prepare(request, piped)
         demand.check(task)
     note(task.notes)
     with progress_bar() as observe:

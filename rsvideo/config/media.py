@@ -6,8 +6,14 @@ from typing import Literal
 
 CLIP_SUFFIXES = (".mp4", ".m4v", ".mov", ".qt", ".mkv", ".webm", ".avi", ".mts", ".m2ts", ".mxf", ".3gp", ".mpg", ".mpeg")
 Codec = Literal["same", "h264", "hevc", "prores", "dnxhr", "ffv1", "png", "tiff", "exr"]
+Pipe = Literal["y4m", "rawvideo"]  # what pipes carry
 SEQUENCES = ("png", "tiff", "exr")  # codecs that write folders of pictures
 _NUMBERED = "#%*"  # marks of a pattern that stands for numbered pictures: frame_####.dng, frame_%04d.dng, frame_*.dng
+
+
+def is_pipe(path: Path) -> bool:
+    """Whether a name stands for standard input or output."""
+    return path == Path("-")
 
 
 def is_folder(path: Path) -> bool:
@@ -27,4 +33,4 @@ def is_sequence(path: Path) -> bool:
 
 def is_clip(path: Path) -> bool:
     """Whether a source holds frames one after the other; a file that is not what its name says is refused when it is read."""
-    return path.suffix.lower() in CLIP_SUFFIXES or is_sequence(path)
+    return path.suffix.lower() in CLIP_SUFFIXES or is_sequence(path) or is_pipe(path)

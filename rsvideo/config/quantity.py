@@ -10,6 +10,9 @@ _SAME_RATE = 0.002  # of a rate; 30 and 29.97 are one mode of a camera, 30 and 2
 _MOST_CHARACTERS = 60  # of a quantity; patterns and exact fractions take long over more
 _RATE = re.compile(r"\s*(\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})(?:\s*/\s*(\d{1,20}))?\s*")
 
+_SIZE = re.compile(r"\s*(\d{1,6})\s*[xX]\s*(\d{1,6})\s*")
+MOST_PIXELS = 100_000_000  # of a picture of a clip: cameras film 12288 x 6480 at most
+
 _SECONDS_PER_UNIT = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6}
 _TIME = re.compile(r"\s*([-+]?)(\d+\.?\d*(?:e[-+]?\d+)?|\.\d+)(?:\s*/\s*(\d+\.?\d*))?\s*([a-zµμ]*)\s*", re.IGNORECASE)
 _CLOCK = r"((?:\d+:){0,2}\d+(?:\.\d*)?)"
@@ -72,6 +75,13 @@ def span(text: str) -> tuple[float, float]:
     if not first < last:
         raise ValueError(rule)
     return first, last
+
+
+def size(text: str) -> tuple[int, int]:
+    """The columns and rows that `1920x1080` writes."""
+    if not (found := _SIZE.fullmatch(_bounded("size", text))) or not 0 < int(found[1]) * int(found[2]) <= MOST_PIXELS:
+        raise ValueError(f"size must read like 1920x1080, columns x rows, at most {MOST_PIXELS / 1e6:g} Mpx, got {text!r}")
+    return int(found[1]), int(found[2])
 
 
 def pixels(name: str, text: str) -> float:

@@ -18,7 +18,7 @@ from rsvideo.config.media import Codec
 from rsvideo.config.method import Method
 from rsvideo.config.option import Option, OptionField
 from rsvideo.config.quantity import frame_rate
-from rsvideo.config.units import Angle, CurveName, Pixels, Range, Rate, Time, TimeOrZero
+from rsvideo.config.units import Angle, CurveName, Pixels, Range, Rate, Size, Time, TimeOrZero
 from rsvideo.physics.shutter import Direction
 
 _RIVALS = ({"readout", "row_time", "scanlines_total"}, {"exposure", "shutter_angle"})  # one of them answers for the others
@@ -48,7 +48,7 @@ class Input(Section):
     rate: Annotated[
         Rate | None,
         Option(
-            help="Of a folder of pictures: frames a second, 25 or 24000/1001.",
+            help="Of a folder of pictures, or of a pipe that does not state it: frames a second, 25 or 24000/1001.",
             metavar="FPS",
             unless="as CinemaDNG states it",
             clips_only=True,
@@ -184,9 +184,26 @@ class Encoding(Section):
         float | None, Field(ge=0, le=63), Option(help="Constant rate factor of h264 and hevc.", unless="visually lossless", clips_only=True)
     ] = None
     pixel_format: Annotated[
-        str, Field(pattern=r"^\w+$"), Option(help="By FFmpeg's name, such as yuv422p10le.", metavar="NAME", clips_only=True)
+        str,
+        Field(pattern=r"^\w+$"),
+        Option(
+            help="By FFmpeg's name, such as yuv422p10le; of --format rawvideo, as INPUT and as OUTPUT.", metavar="NAME", clips_only=True
+        ),
     ] = "same"
     side_by_side: Annotated[bool, Option(help="The source on the left, the result on the right.", clips_only=True)] = False
+
+
+class Pipe(Section):
+    """What standard input or output carries, where INPUT or OUTPUT is `-`."""
+
+    format: Annotated[media.Pipe, Option(help="Of a pipe: y4m, or bare pixels.", clips_only=True)] = "y4m"
+    size: Annotated[
+        Size | None, Option(help="Of bare pixels as INPUT: columns and rows, 1920x1080.", metavar="COLSxROWS", clips_only=True)
+    ] = None
+    matrix: Annotated[
+        Literal["bt601", "bt709", "bt2020nc"] | None,
+        Option(help="Of a pipe as INPUT: how Y, U and V are mixed.", unless="by the size, as players do", clips_only=True),
+    ] = None
 
 
 class Sections(Section):
@@ -197,6 +214,7 @@ class Sections(Section):
     motion: Motion = Motion()
     deblur: Deblur = Deblur()
     encoding: Encoding = Encoding()
+    pipe: Pipe = Pipe()
 
     @classmethod
     def layered(cls, layers: Iterable["Sections"]) -> "Sections":
@@ -283,6 +301,8 @@ class Request(Sections):
     @property
     def files(self) -> tuple[Path, ...]:
         """All that is written."""
+        if media.is_pipe(self.output):
+            return ()
         if self.motion_only:
             return (self.output,)
         return (self.output, self.record, self.log) if self.is_clip else (self.output, self.record)
@@ -294,7 +314,8 @@ class Request(Sections):
         pictures = []
         if media.is_pattern(self.source) and not self.source.exists() and self.source.parent.is_dir():
             pictures = [each for each in self.source.parent.iterdir() if each.suffix.lower() == self.source.suffix.lower()]
-        return (self.source, *pictures, *(each for each in named if each.is_file()))
+        source = () if media.is_pipe(self.source) else (self.source,)
+        return (*source, *pictures, *(each for each in named if each.is_file()))
 
     def replaced(self, **changes: Any) -> "Request":
         """The same with changes: `replaced(output=path, deblur={"method": Method.NONE})`."""

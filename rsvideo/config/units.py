@@ -67,6 +67,10 @@ def _rate(name: str, value: object) -> str:
     return written
 
 
+def _size(name: str, value: object) -> tuple[int, int]:
+    return value if isinstance(value, tuple) else quantity.size(text(value, f"{name} must read like 1920x1080"))
+
+
 def _curve(name: str, value: object) -> Transfer:
     if value not in set(Transfer):
         words = f"{name} must be one of {', '.join(Transfer)}, got {shown(value)!r}"
@@ -88,6 +92,8 @@ Angle = Annotated[float, _read(_angle), WithJsonSchema({"type": "number", "exclu
 """Degrees in (0, 360]."""
 Range = Annotated[tuple[float, float], _read(_range), WithJsonSchema({"type": "string", "examples": ["00:10-00:12"]})]
 """Seconds from the first frame: from, to."""
+Size = Annotated[tuple[int, int], _read(_size), WithJsonSchema({"type": "string", "examples": ["1920x1080"]})]
+"""Columns and rows."""
 Rate = Annotated[str, _read(_rate), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}], "examples": ["24000/1001"]})]
 """Frames a second, as written; `Fraction` reads it."""
 CurveName = Annotated[Transfer, _read(_curve)]

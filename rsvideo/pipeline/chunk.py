@@ -65,21 +65,25 @@ def passed_on(task: Task) -> bool:
 
 def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkRecord:
     """Restore a chunk into a file of `folder`; `observe` gets how much of each frame is done."""
-    done = _as_they_came(task, chunk, observe) if passed_on(task) else _worked_on(task, chunk, folder, observe)
     record = ChunkRecord(pictures=f"{chunk.index:06}.zip", frames=f"{chunk.index:06}.jsonl", sha256={})
     frames: list[FrameRecord] = []
 
-    def shown() -> Iterator[Picture]:
-        for picture, frame in done:
+    def pictures() -> Iterator[Picture]:
+        for picture, frame in shown(task, chunk, folder, observe):
             frames.append(frame)
             yield picture
 
-    record.sha256[record.pictures] = planes.write(folder / record.pictures, shown())
+    record.sha256[record.pictures] = planes.write(folder / record.pictures, pictures())
     lines = b"".join(frame.encode() + b"\n" for frame in frames)
     write_whole({folder / record.frames: lines})
     record.sha256[record.frames] = hashlib.sha256(lines).hexdigest()
     missing = {*range(chunk.first, chunk.last + 1)} - {frame.index for frame in frames}
     return record.model_copy(update={"left_out": tuple(sorted(missing))})
+
+
+def shown(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> Iterator[tuple[Picture, FrameRecord]]:
+    """The chunk's pictures as they are shown, and what became of each; `folder` is of our own."""
+    return _as_they_came(task, chunk, observe) if passed_on(task) else _worked_on(task, chunk, folder, observe)
 
 
 def _as_they_came(task: Task, chunk: Chunk, observe: Observer) -> Iterator[tuple[Picture, FrameRecord]]:

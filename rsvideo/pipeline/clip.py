@@ -3,7 +3,7 @@
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, replace
 from itertools import chain
 from pathlib import Path
@@ -23,7 +23,7 @@ from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.shooting import gcsv
 from rsvideo.video import colour, planes
-from rsvideo.video.stream import Picture
+from rsvideo.video.stream import Picture, Stream
 from rsvideo.video.writer import Writer
 
 
@@ -44,9 +44,7 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
         turns, enlargement = stabilisation.corrections(steps, float(stream.rate), camera)
         pictures = (_turned(task, p, turn, enlargement) for p, turn in zip(pictures, turns, strict=True))
     if task.request.encoding.side_by_side:
-        even = stream.cols - stream.cols % 2  # so that chroma samples stay with their pixels
-        pictures = (_beside(before, after, even) for before, after in zip(clip_frames.pictures(task), pictures, strict=True))
-        stream = replace(stream, cols=even + stream.cols)
+        stream, pictures = side_by_side(task, pictures)
     last = task.last
     if len(kept) < task.frames:  # damaged ones were left out
         stream = replace(stream, times=np.concatenate([stream.times[: task.first], stream.times[kept], stream.times[last:]]))
@@ -63,12 +61,19 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     notes = writer.notes
     if task.request.motion.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
+    ended = outcome(task, verdicts, seconds, notes)
+    record = sidecar.encoded(str(task.request.source), _settings(task), frame_records(records, folder), stated(ended, made, mark))
+    return Finished(outcome=ended, made=(*made, made_within(within, task.request.record, record)))
+
+
+def outcome(task: Task, verdicts: Counter[str], seconds: float, notes: tuple[str, ...]) -> Outcome:
+    """What became of a clip whose frames met these verdicts."""
     if disagreeing := verdicts[Verdict.DISAGREES]:
         taken = f"{1000 * task.timing.exposure:.4g} ms"
         notes += (
             f"exposure: the blur of {disagreeing} frames does not show {taken}, they were straightened only; give --exposure as it was",
         )
-    outcome = Outcome(
+    return Outcome(
         notes=notes,
         restored=verdicts[Verdict.RESTORED],
         left=verdicts.total() - verdicts[Verdict.RESTORED] - verdicts[Verdict.DAMAGED],
@@ -76,8 +81,13 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
         failed=verdicts[Verdict.DAMAGED],
         seconds=seconds,
     )
-    record = sidecar.encoded(str(task.request.source), _settings(task), frame_records(records, folder), stated(outcome, made, mark))
-    return Finished(outcome=outcome, made=(*made, made_within(within, task.request.record, record)))
+
+
+def side_by_side(task: Task, pictures: Iterable[Picture]) -> tuple[Stream, Iterator[Picture]]:
+    """The source's pictures on the left of these, and the stream that they are."""
+    even = task.stream.cols - task.stream.cols % 2  # so that chroma samples stay with their pixels
+    pairs = zip(clip_frames.pictures(task), pictures, strict=True)
+    return replace(task.stream, cols=even + task.stream.cols), (_beside(before, after, even) for before, after in pairs)
 
 
 def _gist(frames: Iterable[FrameRecord]) -> tuple[list[int], list[list[float] | None], Counter[str], float]:

@@ -20,10 +20,11 @@ from rsvideo.video.stream import Stream
 _TICK = 0.6  # of the clip's unit of time, to which times are rounded: a little over the half by which rounding may be off
 
 
-def opened(request: Request) -> Take:
-    """The clip of a request, with the curve that its codes stand for."""
+def opened(request: Request, piped: Stream | None = None) -> Take:
+    """The clip of a request, which a pipe may have brought, with the curve that its codes stand for."""
     given = request.camera
-    clip = gather(request.source, camera=given.profile, rate=request.input.frame_rate, on_damage=request.input.on_damage)
+    stream = piped or decode.probe(request.source, request.input.frame_rate, on_damage=request.input.on_damage)
+    clip = _of_stream(stream, given.profile)
     assert isinstance(clip.source, Stream)
     return replace(clip, source=_in_light(clip.source, given.transfer, clip.profile))
 
@@ -33,7 +34,10 @@ def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = Non
 
     `camera` names a profile, a profile's file, or a camera of the public table. `rate` is for sequences, which do not state theirs.
     """
-    stream = decode.probe(path, rate, on_damage=on_damage)
+    return _of_stream(decode.probe(path, rate, on_damage=on_damage), camera)
+
+
+def _of_stream(stream: Stream, camera: str | None) -> Take:
     facts = metadata.read(stream)
     fps = float(stream.rate)
     profile, table, notes = _camera(camera, facts, stream.rows, stream.cols, fps)

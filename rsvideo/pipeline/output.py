@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from pydantic import JsonValue
 
-from rsvideo.config import placing, sidecar
+from rsvideo.config import media, placing, sidecar
 from rsvideo.config.request import Request
 from rsvideo.frame import FrameResult
 
@@ -24,6 +24,8 @@ _DIGITS = 5  # of the values of a PSF, whose sum is 1
 def check(request: Request) -> None:
     """Refuse what cannot be written, with ValueError or FileExistsError."""
     source, output = request.source, request.output
+    if media.is_pipe(output):
+        return
     folder = output.parent
     if not folder.is_dir():
         raise ValueError(f"the folder {folder} of OUTPUT must exist; make it first, or is its name mistyped?")

@@ -6,14 +6,14 @@ A photograph is one frame without neighbours; what else differs is how it is ope
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from rsvideo.config import names, sidecar
+from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Request
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline import gyro_alignment, output, take
+from rsvideo.pipeline import gyro_alignment, output, piping, take
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Take
@@ -114,10 +114,13 @@ class Task:
         return 0.0 if nothing else pixels * _SECONDS_A_PIXEL, self.frames * self.picture_bytes
 
 
-def prepare(request: Request) -> Task:
-    """Open the source and settle timing, camera and encoding; raises ValueError, UnreadableError or FileExistsError."""
-    _check(request)
-    opened = _opened(request)
+def prepare(request: Request, piped: "Stream | None" = None) -> Task:
+    """Open the source and settle timing, camera and encoding; raises ValueError, UnreadableError or FileExistsError.
+
+    `piped` is what a pipe has brought, if that is the source.
+    """
+    check(request)
+    opened = _opened(request, piped)
     rows, cols = opened.shutter.rows, opened.shutter.cols
     if min(rows, cols) < SMALLEST:
         raise UnreadableError(
@@ -183,10 +186,11 @@ def _unclear(request: Request, shutter: timing.Resolved) -> tuple[str, ...]:
     return (f"the clip does not show all of its timing ({'; '.join(request.measured.unclear)}): {taken} is assumed",)
 
 
-def _check(request: Request) -> None:
+def check(request: Request) -> None:
     """Refuse what can be refused before anything is read."""
     names.check(*request.files)
     method = request.deblur.method
+    piping.check(request)
     if request.motion_only:
         _check_motion(request)
     elif not request.is_clip:
@@ -215,12 +219,12 @@ def _check_motion(request: Request) -> None:
     output.check_kind(request.output, folder=False)
 
 
-def _opened(request: Request) -> Take:
+def _opened(request: Request, piped: "Stream | None") -> Take:
     if not request.is_clip:
         return take.of_photograph(request)
     from rsvideo.pipeline import clip_facts
 
-    return clip_facts.opened(request)
+    return clip_facts.opened(request, piped)
 
 
 def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Encoding | None, tuple[str, ...]]":
@@ -228,18 +232,23 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     if isinstance(opened.source, Still):
         return 0, 1, None, ()
     from rsvideo.pipeline import clip_facts
-    from rsvideo.video import sequence
+    from rsvideo.video import pipe, sequence
     from rsvideo.video.output_format import SEQUENCES, Encoding, chosen
 
     first, last = clip_facts.frame_range(opened.source, request.input.range)
     if request.motion_only:
         return first, last, None, ()
-    wanted = request.encoding
-    encoding = Encoding(codec=wanted.codec, quality=wanted.quality, pixel_format=wanted.pixel_format)
+    wanted, layout = request.encoding, request.encoding.pixel_format
+    if opened.source.bare and request.pipe.format == "rawvideo" and not media.is_pipe(request.output):
+        layout = "same"  # for the pipe's own is what was stated
+    codec = request.pipe.format if media.is_pipe(request.output) else wanted.codec
+    encoding = Encoding(codec=codec, quality=wanted.quality, pixel_format=layout)
     codec, _, notes = chosen(request.output, opened.source, encoding)
     output.check_kind(request.output, folder=codec in SEQUENCES)
     if codec in SEQUENCES:
         sequence.older(request.output, opened.source)  # refuses what must stay
+    if media.is_pipe(request.output):
+        notes += (pipe.lost(opened.source),)
     return first, last, encoding, notes
 
 

@@ -79,7 +79,7 @@ class ContainerWriter:
         self._video = encoder.opened(self._out, self._part, codec, self._colour, encoding, quicktime=quicktime)
         self._copies: dict[int, av.stream.Stream] = {}
         self._others: Iterator[av.Packet] = iter(())
-        if not stream.files:
+        if not (stream.files or stream.bare):
             source = self._stack.enter_context(decode.opened(stream.path, container.family(stream.path, strict=False)))
             self._describe(source)
             for track in stream.tracks:

@@ -16,9 +16,9 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.config.files import UnreadableError, reading
+from rsvideo.config.quantity import MOST_PIXELS
 from rsvideo.stills.ffmpeg import arrays, watched
-from rsvideo.video import container, probing, sample_tables, sequence, tags
-from rsvideo.video.probing import MOST_PIXELS
+from rsvideo.video import container, pipe, probing, sample_tables, sequence, tags
 from rsvideo.video.stream import Picture, Stream
 
 OnDamage = Literal["fail", "passthrough", "skip"]
@@ -55,6 +55,8 @@ def pictures(stream: Stream, first: int = 0, last: int | None = None, *, on_dama
     with reading(stream.path):
         if stream.files:
             yield from sequence.pictures(stream, first, last)
+        elif stream.bare:
+            yield from pipe.pictures(stream, first, last)
         else:
             yield from _strict(stream, first, last) if on_damage == "fail" else _lenient(stream, first, last, on_damage)
 

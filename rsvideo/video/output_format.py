@@ -5,14 +5,15 @@ from pathlib import Path
 
 import av
 
-from rsvideo.config.media import CLIP_SUFFIXES, SEQUENCES, Codec
+from rsvideo.config.media import CLIP_SUFFIXES, SEQUENCES, Codec, Pipe, is_pipe
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import sequence
+from rsvideo.video.pipe import BARE, PACKED, Y4M
 from rsvideo.video.stream import Colour, Matrix, Stream, planar
 
 ENCODERS = {"h264": "libx264", "hevc": "libx265", "prores": "prores_ks", "dnxhr": "dnxhd", "ffv1": "ffv1"}
 _SAME = {"h264": "h264", "hevc": "hevc", "prores": "prores", "dnxhd": "dnxhr", "ffv1": "ffv1", "png": "png", "tiff": "tiff", "exr": "exr"}
-_NAMES = {"h264": "H.264", "hevc": "HEVC", "prores": "ProRes", "dnxhr": "DNxHR", "ffv1": "FFV1"}
+_NAMES = {"h264": "H.264", "hevc": "HEVC", "prores": "ProRes", "dnxhr": "DNxHR", "ffv1": "FFV1", "y4m": "y4m", "rawvideo": "bare pixels"}
 CONTAINERS = {
     ".mp4": ("mp4", ("h264", "hevc")),
     ".mov": ("mov", ("h264", "hevc", "prores", "dnxhr")),
@@ -24,7 +25,7 @@ CONTAINERS = {
 class Encoding:
     """How a clip is to be written."""
 
-    codec: Codec = "same"
+    codec: Codec | Pipe = "same"
     quality: float | None = None  # constant rate factor of H.264 and HEVC; None is visually lossless
     pixel_format: str = "same"  # FFmpeg's name
     threads: int = 2
@@ -33,6 +34,8 @@ class Encoding:
 def chosen(path: Path, stream: Stream, encoding: Encoding) -> tuple[str, Colour, tuple[str, ...]]:
     """The codec and the layout that `encoding` comes to for a stream, and what that changes; ValueError where it cannot be."""
     codec, notes = encoding.codec, ()
+    if is_pipe(path):
+        return codec, *_held(codec, PACKED.get(encoding.pixel_format, encoding.pixel_format), stream.colour)
     if codec == "same":
         codec = _SAME.get(stream.codec, "hevc" if stream.colour.depth > 8 else "h264")
         if stream.codec not in _SAME:
@@ -60,7 +63,7 @@ def _held(codec: str, wanted: str, colour: Colour) -> tuple[Colour, tuple[str, .
     """The layout of a codec that holds a colour: the same, or else the least that loses nothing."""
     layouts = _layouts(codec)
     plain = colour.pixel_format.replace("yuvj", "yuv")
-    if wanted == "same" and plain in layouts:
+    if wanted in ("same", plain) and plain in layouts:
         return colour, ()
     if wanted == "same":
         wanted = min(
@@ -75,7 +78,8 @@ def _held(codec: str, wanted: str, colour: Colour) -> tuple[Colour, tuple[str, .
             f"{wanted} pixels" if wanted else f"{colour.depth} bit {colour.subsampling} {'RGB' if colour.matrix is Matrix.RGB else 'YUV'}"
         )
         raise ValueError(
-            f"{_NAMES[codec]} must be given a layout that it holds ({', '.join(sorted(layouts))}), not {named}; FFV1 holds all of them"
+            f"{_NAMES[codec]} must be given a layout that it holds ({', '.join(sorted(layouts))}), not {named};"
+            f" {'--format rawvideo' if codec == 'y4m' else 'FFV1'} holds all of them"
         )
     rgb = wanted.startswith("gbr")
     target = replace(colour, depth=facts[0], subsampling=facts[1], chroma_shift=facts[2], pixel_format=wanted)
@@ -91,6 +95,8 @@ def _held(codec: str, wanted: str, colour: Colour) -> tuple[Colour, tuple[str, .
 
 
 def _layouts(codec: str) -> set[str]:
+    if codec not in ENCODERS:
+        return {*(Y4M if codec == "y4m" else BARE)}
     found = {layout.name for layout in av.Codec(ENCODERS[codec], "w").video_formats or ()}
     if codec == "ffv1":
         found |= {"gbrp"}  # as bgr0

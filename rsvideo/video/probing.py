@@ -16,14 +16,13 @@ from av.video.stream import VideoStream
 from jaxtyping import Int
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.config.quantity import FASTEST_RATE
+from rsvideo.config.quantity import FASTEST_RATE, MOST_PIXELS
 from rsvideo.stills.codes import check_pixels
 from rsvideo.stills.ffmpeg import watched
 from rsvideo.video import container, shared_times, tags
 from rsvideo.video.sample_tables import MOST_SAMPLES
 from rsvideo.video.stream import Stream, Track
 
-MOST_PIXELS = 100_000_000  # of a picture of a clip: cameras film 12288 x 6480 at most
 _MOST_PIXELS_A_BYTE, _FREE_PIXELS = 10_000, 2_000_000_000  # cameras show 500 at most; the latter are decoded in a minute in any case
 _SLACK, _SLACK_OF_FILE = 0.1, 0.5  # seconds by which a header may promise more than is there: of a track, and of all tracks together
 _LONGEST_S = 10_000_000  # seconds, 115 days

@@ -113,6 +113,7 @@ class Stream:
     created: str | None = None  # ISO 8601
     mastering: tuple[str, ...] = ()  # of HDR10: the display it was graded on and its brightest light, as x265 writes them
     files: tuple[Path, ...] = ()  # of a sequence, one a picture
+    bare: bool = False  # whether the file holds planes one after the other, without any header
     notes: tuple[str, ...] = ()  # what the reader should know was not taken over
 
     @property

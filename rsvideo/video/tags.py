@@ -35,7 +35,7 @@ _PRIMARIES = {
     22: "ebu3213",
 }
 _UNSAID = {2}
-_FULL = 2  # FFmpeg's AVCOL_RANGE_JPEG
+_LIMITED, _FULL = 1, 2  # FFmpeg's AVCOL_RANGE_MPEG and AVCOL_RANGE_JPEG
 _HD_ROWS = 720  # from which on an untagged clip is taken for BT.709: players do alike
 _LAYOUT_OF = (  # layouts that are handed over as planes of the same codes
     (re.compile(r"(rgb24|bgr24|0rgb|rgb0|0bgr|bgr0|argb|rgba|abgr|bgra|pal8)"), "gbrp"),
@@ -122,3 +122,24 @@ def mastering(frame: VideoFrame) -> tuple[str, ...]:
     if data := frame.side_data.get("CONTENT_LIGHT_LEVEL"):
         found.append("max-cll={},{}".format(*struct.unpack("=2I", bytes(data)[:8])))
     return tuple(found)
+
+
+def untagged(layout: str, rows: int, *, matrix: Matrix | None, full_range: bool) -> Colour:
+    """What codes of a layout mean of which no more is stated than this; ValueError for a layout that is not planar."""
+    if (facts := planar(layout)) is None:
+        raise ValueError(f"must hold planes such as yuv420p, got {layout}")
+    depth, subsampling, shift = facts
+    rgb, by_format = layout.startswith("gbr"), layout.startswith(("gbr", "yuvj"))
+    code = next(code for code, meant in _MATRIX.items() if meant is matrix) if matrix and not rgb else 2
+    return Colour(
+        matrix=Matrix.RGB if rgb else matrix or (Matrix.BT709 if rows >= _HD_ROWS else Matrix.BT601),
+        transfer=Transfer.BT709,
+        primaries="bt709",
+        full_range=by_format or full_range,
+        depth=depth,
+        subsampling=subsampling,
+        pixel_format=layout,
+        chroma_shift=shift,
+        assumed=frozenset({"transfer", "primaries", *(() if rgb or matrix else ("matrix",))}),
+        h273=(2, 2, 0 if rgb else code, _FULL if by_format or full_range else _LIMITED),
+    )

@@ -46,7 +46,7 @@ _WITHIN_FUNCTIONS = (
 
 
 def call(
-    *words: object, program: Path = INSTALLED, timeout: float = 120, env: dict[str, str] | None = None
+    *words: object, program: Path = INSTALLED, timeout: float = 120, env: dict[str, str] | None = None, stdin: str | Path = os.devnull
 ) -> subprocess.CompletedProcess[str]:
     """What `subprocess.run` answers for the program with these words, from a forked process."""
     server = _server()
@@ -59,6 +59,7 @@ def call(
             "argv": argv,
             "env": dict(os.environ if env is None else env),
             "cwd": str(Path.cwd()),
+            "stdin": str(stdin),
             "outputs": list(map(str, outputs)),
         }
         server.stdin.write(json.dumps(request).encode() + b"\n")
@@ -108,8 +109,8 @@ def import_libraries(*, but: tuple[str, ...] = ()) -> None:
         importlib.import_module(name)
 
 
-def _run(argv: list[str], env: dict[str, str], cwd: str, outputs: list[str]) -> None:
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+def _run(argv: list[str], env: dict[str, str], cwd: str, stdin: str, outputs: list[str]) -> None:
+    os.dup2(os.open(stdin, os.O_RDONLY), 0)
     for descriptor, output in enumerate(outputs, start=1):
         os.dup2(os.open(output, os.O_WRONLY | os.O_CREAT | os.O_APPEND), descriptor)
     os.chdir(cwd)
