@@ -102,10 +102,18 @@ def _worked_on(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> Ite
     pictures = list(clip_frames.pictures(task, *in_view(chunk, task.last)))
     if task.request.deblur.method.steadied:
         pictures = _steadied(task, pictures, folder)
-    moving = movement(task.treatment, pictures, task.stream.colour, task.request.motion.trajectory, observe)
-    for picture, result, to_next in restored(task.treatment, chunk, pictures, task.stream.colour, moving, observe):
-        shown = colour.codes(result.latent, picture, task.stream.colour) if result.verdict.changed else picture
-        yield shown, output.frame_record(result, to_next)
+    how = task.treatment, chunk, pictures, task.stream.colour, task.request.motion.trajectory, observe
+    for picture, result, to_next in treated(*how):
+        yield picture, output.frame_record(result, to_next)
+
+
+def treated(
+    treatment: Treatment, chunk: Chunk, pictures: Sequence[Picture], meaning: Colour, given: Path | None, observe: Observer
+) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
+    """The chunk's own among the pictures in view as they are shown, and what `restored` answers of them."""
+    moving = movement(treatment, pictures, meaning, given, observe)
+    for picture, result, to_next in restored(treatment, chunk, pictures, meaning, moving, observe):
+        yield colour.codes(result.latent, picture, meaning) if result.verdict.changed else picture, result, to_next
 
 
 def restored(

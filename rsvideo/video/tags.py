@@ -124,6 +124,11 @@ def mastering(frame: VideoFrame) -> tuple[str, ...]:
     return tuple(found)
 
 
+def matrix(code: int) -> Matrix | None:
+    """By its number in H.273; None of one that is not read, or not stated."""
+    return _MATRIX.get(code)
+
+
 def untagged(layout: str, rows: int, *, matrix: Matrix | None, full_range: bool) -> Colour:
     """What codes of a layout mean of which no more is stated than this; ValueError for a layout that is not planar."""
     if (facts := planar(layout)) is None:

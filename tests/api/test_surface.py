@@ -1,5 +1,6 @@
 """What `import rsvideo` offers, and what it costs."""
 
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +43,13 @@ def test_a_type_checker_sees_every_public_name(tmp_path: Path) -> None:
     errors = [line for line in done.stdout.splitlines() if " error: " in line]
     assert len(errors) == 1, done.stdout
     assert "reportArgumentType" in done.stdout
+
+
+def test_without_vapoursynth_its_module_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "vapoursynth", None)
+    monkeypatch.delitem(sys.modules, "rsvideo.vs", raising=False)
+    with pytest.raises(ImportError, match=r"pip install 'rsvideo\[vapoursynth\]' brings it, on Python 3.12"):
+        importlib.import_module("rsvideo.vs")
 
 
 def test_the_package_says_that_it_is_typed() -> None:

@@ -31,7 +31,8 @@ _LATER = (
     "rsvideo.batch",
     "rsvideo.comparison",
     "rsvideo.cli",
-)  # stand-ins replace parts of them before they are imported
+    "rsvideo.vs",
+)  # stand-ins replace parts of them before they are imported; the last needs an extra
 _WITHIN_FUNCTIONS = (
     "av",
     "matplotlib.figure",
