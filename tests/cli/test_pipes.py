@@ -41,7 +41,7 @@ def planes(path: Path) -> list[np.ndarray]:
 @pytest.mark.parametrize("bare", [False, True])
 def test_through_pipes_a_clip_gets_the_pixels_that_it_gets_in_files(tmp_path: Path, bare: bool) -> None:
     source, files, piped = CLIP.clip(tmp_path / "in.mp4"), tmp_path / "files.mkv", tmp_path / "piped.mkv"
-    how = NONE if bare else GOOD  # the core sees the same light
+    how = NONE if bare else (*GOOD, "--trajectory", CLIP.motion(tmp_path / "motion.csv"))
     done = call("deblur", source, "-o", files, *how, "--codec", "ffv1")
     assert done.returncode == 0, done.stderr
     kind = ("-f", "rawvideo") if bare else ("-f", "yuv4mpegpipe")

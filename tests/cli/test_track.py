@@ -146,8 +146,10 @@ def test_a_track_that_cannot_be_is_refused(
     assert (tmp_path / "there.json").read_text() == "older"
 
 
-def test_what_a_clip_shows_of_its_shutter_goes_into_its_track(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_clip_shows_of_its_shutter_goes_into_its_track(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measuring, "measured", lambda *_: Measured(exposure=0.021, readout=0.018))
+    grey = coded(np.full((96, 160, 1), 0.5, np.float32))
+    source = encode(tmp_path / "grey.mkv", [grey, grey])
     carry_out(prepare(Request(source=source, output=tmp_path / "a.rsvideo.json", motion_only=True)), ignore)
     held = json.loads((tmp_path / "a.rsvideo.json").read_text())["frames"][0]["timing"]
     assert held["exposure_s"] == 0.021
