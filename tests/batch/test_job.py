@@ -116,7 +116,8 @@ def test_a_wrong_set_is_told_by_name(word: str, words: str) -> None:
 def test_the_schema_knows_all_sections_and_forbids_others() -> None:
     schema = json.loads(json.dumps(JobFile.model_json_schema()))
     assert schema["additionalProperties"] is False
-    assert set(schema["$defs"]["Clip"]["properties"]) == {"source", "preset", "name", "input", "camera", "motion", "deblur", "encoding"}
+    sections = {"input", "camera", "motion", "deblur", "encoding", "pipe"}
+    assert set(schema["$defs"]["Clip"]["properties"]) == {"source", "preset", "name", *sections}
     assert {"type": "number"} in schema["$defs"]["Camera"]["properties"]["exposure"]["anyOf"][0]["anyOf"]
 
 
