@@ -32,7 +32,7 @@ def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observ
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
     path = clip_motion.path_from_tracks(run)
-    return replace(clip_motion.movement_of(run, path.spline, run.followed), evidence=clip_motion.evidence(run, path.spline, share=0.0))
+    return replace(clip_motion.movement_of(run, path.spline, run.followed), evidence=clip_motion.evidence(run, path, share=0.0))
 
 
 def restored(view: View, path: Trajectory | None, *, flow: Flow | None = None) -> FrameResult:

@@ -123,6 +123,7 @@ class Found(_Record):
     drift: Drift | None  # None: all points move along the path
     error_px: Annotated[Finite, Field(ge=0)]  # by which the blur of one exposure may depart from path and drift
     share: Annotated[float, Field(ge=0, le=1)]  # of a restoration: whether the blur of the run bears its path out
+    certainty: Annotated[float, Field(ge=0, le=1)]  # of the scanlines' displacements: how far the frame is straightened
 
     @model_validator(mode="after")
     def _check(self) -> "Found":

@@ -33,6 +33,7 @@ FIRST_SHARE = 0.25  # of how far points move from frame to frame, which it is at
 LEAST_REACH = 4.0  # px a frame's interval, the least that the prior believes after that; origin: by trial
 NEIGHBOURS = 5  # pieces, half a frame's interval apart, whose median speed one piece is believed to have
 OUTLIER = 2.0  # times the typical residual, at which a point counts half (Cauchy's weights)
+END_ERROR = 3.0  # times what H says of the deviation at a run's ends: where a shake begins or stops within one, no prior expects it
 FIELDS = 9  # vector fields that are quadratic in the place, but for shifts and roll, which are the camera's
 FREE = 1e-6  # precision of every coefficient, in 1 / px^2: a spread of 1000 px, so that where the path begins is free
 _FIT_POINTS = 4  # for each coefficient of a frame's polynomial, at which it is fitted to the spline; origin: by trial
@@ -126,6 +127,28 @@ def unexplained(
     """How far the points of each pair of neighbouring frames move beyond what the path explains, px, and in what time, s."""
     pairs = _pairs(tracks, begins, backwards, camera, path)
     return [(-pair.residual(path.coefficients), pair.elapsed) for pair in pairs]
+
+
+def certainties(
+    path: CameraPath, begins: Float[np.ndarray, " frames"], tied: Sequence[bool], timing: ShutterTiming
+) -> Float[np.ndarray, " frames"]:
+    """How surely each frame's scanlines are displaced as the path says: 0 to 1, |d|^2 / (|d|^2 + var d) over the scanlines.
+
+    d is a scanline's mean displacement from the middle of the frame's interval. To follow it by this share has the least expected
+    error, of all shares, if d without the tracks is as likely to be the opposite (the Wiener filter). `tied` says of each frame whether
+    points were followed to the next one.
+    """
+    axes = path.spline.coefficients.shape[1]
+    covariance = np.linalg.inv(path.precision)
+    rows = np.linspace(0, timing.rows - 1, NODES)[:, None] * timing.row_time + timing.sample_times(SAMPLES)[0]
+    shares = []
+    for begin, before, after in zip(begins, [False, *tied], tied, strict=False):
+        basis = path.spline.basis(begin + rows).mean(axis=1) - path.spline.basis(begin + np.array([timing.middle]))
+        power = float(((basis @ path.spline.coefficients[:, :2]) ** 2).sum())
+        scale = 1.0 if before and after else END_ERROR**2
+        variance = scale * sum(float((basis @ covariance[a::axes, a::axes] * basis).sum()) for a in range(2))
+        shares.append(power / (power + variance))
+    return np.array(shares)
 
 
 def trusted(path: Spline, camera: Camera, *, drift: float, share: float) -> CameraPath:

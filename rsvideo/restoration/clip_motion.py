@@ -22,7 +22,7 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration.camera_path import CameraPath, exposure_length, follow, polynomial, unexplained, windows, within
+from rsvideo.restoration.camera_path import CameraPath, certainties, exposure_length, follow, polynomial, unexplained, windows, within
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.focus import focus, focus_value
 from rsvideo.restoration.movement import Evidence, Movement
@@ -78,9 +78,7 @@ def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observ
         return Movement.unfollowed(len(run.begins), run.axes)
     tracked = path_from_tracks(run)
     path = refined_by_blur(run, tracked, run.followed)
-    return replace(
-        movement_of(run, path.spline, run.followed), evidence=evidence(run, path.spline, share=run_share(_focuses(run, tracked)))
-    )
+    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=run_share(_focuses(run, tracked))))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -159,15 +157,21 @@ def _focuses(run: Run, path: CameraPath) -> list[float]:
     return [focus_value(reduced(scene, length), cut) for scene, cut in cuts if (length := longest(run.camera, cut)) > SHORT]
 
 
-def evidence(run: Run, path: Spline, *, share: float) -> list[Evidence]:
-    """What the points of each frame do beyond a path, and how far the blur may depart from that."""
-    beyond = unexplained(path, run.links, run.begins, run.camera)
+def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
+    """What the points of each frame do beyond a path, how sure that is, and how far the blur may depart from it."""
+    beyond = unexplained(path.spline, run.links, run.begins, run.camera)
     speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
     coherent = run.camera.timing.exposure * np.maximum(around[:-1], around[1:])
+    certain = certainties(path, run.begins, run.tied, run.camera.timing)
     return [
-        Evidence(flow=flow, error=float(np.hypot(PATH_ERROR, departure)) if flow else PATH_ERROR, share=share)
-        for flow, departure in zip(_flows(run, beyond), coherent, strict=True)
+        Evidence(
+            flow=flow,
+            error=float(np.hypot(PATH_ERROR, departure)) if flow else PATH_ERROR,
+            share=share,
+            certainty=float(certainty),
+        )
+        for flow, departure, certainty in zip(_flows(run, beyond), coherent, certain, strict=True)
     ]
 
 

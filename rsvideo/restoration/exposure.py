@@ -61,7 +61,7 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     tried, blur = tried[blur >= LEAST_BLUR], blur[blur >= LEAST_BLUR]
     if len(tried) <= 2 * ACROSS_DIP:
         return Unclear(reason="its motion leaves too little blur")
-    beside = evidence(run, path.spline, share=0.0)
+    beside = evidence(run, path, share=0.0)
     scenes = [reduced(flowing(run, k, beside[k].flow)) for k in frames]
     dips = _dips(np.array([[_cost(run, path, k, scene, e) for e in tried] for k, scene in zip(frames, scenes, strict=True)]))
     inner = tried[ACROSS_DIP:-ACROSS_DIP]

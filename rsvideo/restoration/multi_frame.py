@@ -141,7 +141,8 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
     straight, flow = view.pixels, evidence and evidence.flow
     if evidence:
-        straight = view.pixels + moved * (rectified(view, path, flow=flow).pixels - view.pixels)
+        followed = path.with_coefficients(evidence.certainty * path.coefficients)
+        straight = view.pixels + moved * (rectified(view, followed, flow=flow).pixels - view.pixels)
     if verdict.straightened:
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)

@@ -8,11 +8,12 @@ import pytest
 from rsvideo.physics.camera import Camera, turned
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory
-from rsvideo.restoration.camera_path import follow, unexplained, windows, within
+from rsvideo.restoration.camera_path import certainties, follow, unexplained, windows, within
 from rsvideo.restoration.tracks import Tracks
 from tests.restoration.swaying import BEGINS, CAMERA, END, TIMING, spline, sway
 
 TAKEN = Camera(timing=TIMING, intrinsics=CAMERA)
+NOTHING = Tracks(before=np.zeros((0, 2)), after=np.zeros((0, 2)))
 
 
 def sights(path: Trajectory, begin: float, points: np.ndarray, timing: ShutterTiming) -> np.ndarray:
@@ -152,3 +153,18 @@ def test_no_part_of_a_path_is_without_a_prior() -> None:
     found = follow(tracks, BEGINS, TAKEN, 3).spline
     reach = [np.ptp(within(found, float(t), TIMING).at(np.linspace(*TIMING.interval, 17))[:, :2], axis=0).max() for t in BEGINS]
     assert max(reach) < 1.0
+
+
+def test_displacements_are_certain_where_points_show_them_and_uncertain_where_none_do() -> None:
+    half_seen = follow(exact(sway(3))[:4] + [NOTHING] * 3, BEGINS, TAKEN, 3)
+    shares = certainties(half_seen, BEGINS, [True] * 4 + [False] * 4, TIMING)
+    assert shares[1:4].min() > 0.9
+    assert shares[5:].max() < 0.1
+    assert max(shares[0], shares[4]) < shares[1:4].min()  # at the ends points show one side alone
+
+
+def test_a_displacement_twice_as_large_is_as_certain_as_its_power_says() -> None:
+    path = follow(exact(sway(2)), BEGINS, TAKEN, 2)
+    twice = replace(path, spline=path.spline.with_coefficients(2 * path.spline.coefficients))
+    once, more = (certainties(p, BEGINS, [True] * 8, TIMING) for p in (path, twice))
+    np.testing.assert_allclose(more / (1 - more), 4 * once / (1 - once))
