@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
+from rsvideo.batch import store
 from rsvideo.config.files import sha256
 from rsvideo.config.lock import BusyError, locked
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
@@ -119,13 +120,13 @@ class Ledger:
     def empty(self) -> bool:
         """Whether nothing would be lost without it."""
         kept = any(entry.ours or entry.result for entry in self.entries().values())
-        return not (kept or self.recovered or self._do("SELECT 1 FROM chunk"))
+        return not (kept or self.recovered or self._do("SELECT 1 FROM chunk") or store.in_use(self.folder))
 
     def remove(self) -> None:
         """The job is done: nothing needs to be kept."""
         with contextlib.suppress(OSError):  # what is not ours stays, and its folder with it
             for each in self.folder.iterdir():
-                if _PLACE.fullmatch(each.name):
+                if _PLACE.fullmatch(each.name) or each.name == store.FOLDER:
                     shutil.rmtree(each, ignore_errors=True)
                 elif each.name.startswith("ledger."):
                     each.unlink()
@@ -278,6 +279,7 @@ def _lost_rows(database: sqlite3.Connection) -> int:
 
 def _forget(ledger: Ledger) -> None:
     """Forget all but which results are ours."""
+    shutil.rmtree(ledger.folder / store.FOLDER, ignore_errors=True)
     for output, entry in ledger.entries().items():
         ledger.begin(_name(output), Entry(input=entry.input, settings=None, source=None, ours=entry.ours, stamps=entry.stamps))
 

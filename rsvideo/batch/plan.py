@@ -4,11 +4,14 @@ import glob
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
+
+from pydantic import BaseModel, ConfigDict
 
 from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
 from rsvideo.batch.recognition import relative
@@ -16,7 +19,7 @@ from rsvideo.config import names, patterns, yaml
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.media import is_clip
 from rsvideo.config.placing import real
-from rsvideo.config.request import Request, Sections
+from rsvideo.config.request import Measured, Request, Sections
 from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
@@ -45,6 +48,26 @@ class Batch:
     job: str  # the job's file, relative to the folder
     items: tuple[Item, ...]
     report: Report
+
+
+class Found(BaseModel):
+    """What was found in a source before its work, and need not be looked for again."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    measured: Measured | None
+    gyro_offset: float | None
+    gyro_axes: str | None
+
+    @classmethod
+    def of(cls, request: Request) -> "Found":
+        """As a request states it that was prepared."""
+        return cls(measured=request.measured, gyro_offset=request.motion.gyro_offset, gyro_axes=request.motion.gyro_axes)
+
+    def stated(self, request: Request) -> Request:
+        """The request with it."""
+        gyro = {name: value for name in ("gyro_offset", "gyro_axes") if (value := getattr(self, name)) is not None}
+        return request.replaced(measured=self.measured, **({"motion": gyro} if gyro else {}))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,12 +131,15 @@ def read(path: Path, sets: Sequence[str] = (), *, overwrite: bool = False) -> Ba
     return Batch(folder=folder, working=working, job=name, items=tuple(items), report=report)
 
 
-def settled(batch: Batch, ours: Callable[[Request], bool]) -> list["Planned | Unreadable"]:
+def settled(
+    batch: Batch, ours: Callable[[Request], bool], found: Mapping[str, Found] = MappingProxyType({})
+) -> list["Planned | Unreadable"]:
     """Open all sources and answer every question; `ours` says whether what stands under a request's names was written by this very job.
 
-    A damaged source does not hold up the others; a wrong request (ConfigError) or an output that exists (FileExistsError) does.
+    `found` is what need not be looked for again, by the names of the outputs. A damaged source does not hold up the others; a wrong
+    request (ConfigError) or an output that exists (FileExistsError) does.
     """
-    plans = [_settled(item, batch.job, ours=ours(item.request)) for item in batch.items]
+    plans = [_settled(item, batch.job, ours=ours(item.request), found=found.get(item.request.output.name)) for item in batch.items]
     taken: dict[Path, Planned] = {}
     for plan in plans:
         if isinstance(plan, Planned) and (other := taken.setdefault(plan.request.record, plan)) is not plan:
@@ -127,10 +153,10 @@ def chunks(plan: Planned) -> tuple[Chunk, ...]:
     return tuple(deblur.chunks(prepare(plan.request)))
 
 
-def _settled(item: Item, job: str, *, ours: bool) -> "Planned | Unreadable":
+def _settled(item: Item, job: str, *, ours: bool, found: Found | None) -> "Planned | Unreadable":
     request = item.request.replaced(overwrite=item.request.overwrite or ours)
     try:
-        task = prepare(request)
+        task = prepare(found.stated(request) if found else request)
         demand.check(task)
         settings, source = _fingerprints(request, task.timing)
         seconds, size = task.estimate()

@@ -4,6 +4,7 @@ import contextlib
 import os
 import secrets
 import time
+from bisect import insort
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -12,14 +13,14 @@ from typing import Literal
 from rsvideo.batch import recognition
 from rsvideo.batch.ledger import Entry, Ledger
 from rsvideo.batch.plan import Planned, Unreadable
-from rsvideo.batch.workers import Crew, Cut, Failed, Finish, Order, Restore, failed
+from rsvideo.batch.store import Store
+from rsvideo.batch.workers import Cut, Failed, Finish, Hands, Order, Restore, failed
 from rsvideo.config.placing import place, uninterrupted
 from rsvideo.pipeline import fingerprint
 from rsvideo.pipeline.pieces import Chunk, Finished
 from rsvideo.progress import Progress
 
 Kind = Literal["resumed", "stage", "frame", "chunk", "retry", "finished", "failed"]
-_TRIES = 2  # of an order whose worker dies
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +64,9 @@ class _Clip:
     def name(self) -> str:
         return self.plan.request.output.name
 
+    def store(self, ledger: Ledger) -> Store:
+        return Store.of(ledger.folder, self.name, self.plan.mark)
+
     @property
     def done(self) -> float:
         """Frames, for the bar."""
@@ -75,7 +79,7 @@ class _Clip:
 def carry_out(
     clips: Sequence[Planned | Unreadable],
     ledger: Ledger,
-    crew: Crew,
+    crew: Hands,
     observe: Callable[[Event], None],
     *,
     clock: Callable[[], float] = time.monotonic,
@@ -88,12 +92,12 @@ def carry_out(
 
 class _Run:
     def __init__(
-        self, clips: list[_Clip], ledger: Ledger, crew: Crew, observe: Callable[[Event], None], clock: Callable[[], float]
+        self, clips: list[_Clip], ledger: Ledger, crew: Hands, observe: Callable[[Event], None], clock: Callable[[], float]
     ) -> None:
         self.clips, self.ledger, self.crew, self.observe, self.clock = clips, ledger, crew, observe, clock
         self.by_output = {clip.plan.request.output: clip for clip in clips}
         self.numbers = {clip.plan.request.output: number for number, clip in enumerate(clips)}
-        self.queue: list[Order] = []
+        self.queues: dict[type[Order], list[Order]] = {Cut: [], Restore: [], Finish: []}  # each in the order of its ranks
         self.tries: dict[tuple[str, str], int] = {}
         self.started, self.already = clock(), 0.0  # frames that were done before this run
         self.made_in = f"run-{secrets.token_hex(8)}"  # a worker that outlives an earlier run still writes into that run's own folder
@@ -102,10 +106,9 @@ class _Run:
         for clip in self.clips:
             self.take_up(clip)
         self.started, self.already = self.clock(), sum((clip.done for clip in self.clips), 0.0)
-        while self.queue or self.crew.busy:
-            while self.queue and self.crew.free:
-                order = min(self.queue, key=self.rank)
-                self.queue.remove(order)
+        while any(self.queues.values()) or self.crew.busy:
+            while first := [queue for kind, queue in self.queues.items() if queue and self.crew.free(kind)]:
+                order = min(first, key=lambda queue: self.rank(queue[0])).pop(0)
                 self.crew.give(order)
                 if order.request.is_clip and (stage := {Cut: "looking for cuts", Finish: "encoding"}.get(type(order))):
                     self.tell("stage", self.by_output[order.request.output], stage)
@@ -116,6 +119,9 @@ class _Run:
     def rank(self, order: Order) -> tuple[int, int, int]:
         """What is done first: what frees the disk, then clip by clip, chunk by chunk."""
         return not isinstance(order, Finish), self.numbers[order.request.output], order.chunk.index if isinstance(order, Restore) else -1
+
+    def add(self, order: Order) -> None:
+        insort(self.queues[type(order)], order, key=self.rank)
 
     def take_up(self, clip: _Clip) -> None:
         """Go on where an earlier run ended, as far as what it left can be trusted."""
@@ -139,7 +145,7 @@ class _Run:
             self.tell("resumed", clip, f"{fault}; it is done anew")
         ours, stamps = (entry.ours, entry.stamps) if entry else ((), {})
         self.ledger.begin(clip.name, Entry(input=mark.input, settings=mark.settings, source=mark.source, ours=ours, stamps=stamps))
-        self.queue.append(Cut(request=request))
+        self.add(Cut(request=request))
 
     def take_over(self, clip: _Clip, entry: Entry | None) -> bool:
         """Whether a clip is done already, by its ledger or, where that was lost, by its sidecar."""
@@ -162,14 +168,22 @@ class _Run:
         return True
 
     def lay_out(self, clip: _Clip, chunks: tuple[Chunk, ...]) -> None:
-        records = self.ledger.records(clip.name)
-        clip.chunks = chunks
-        clip.records = {chunk.index: records[chunk.index] for chunk in chunks if chunk.index in records}
+        records, stored = self.ledger.records(clip.name), clip.store(self.ledger).records()
         folder = self.ledger.place(clip.name) / self.made_in
-        self.queue.extend(
-            Restore(request=clip.plan.request, chunk=chunk, folder=folder) for chunk in chunks if chunk.index not in clip.records
-        )
+        clip.chunks = chunks
+        for chunk in chunks:
+            if chunk.index in records:
+                clip.records[chunk.index] = records[chunk.index]
+            elif record := next((each for each in stored.get(chunk, ()) if clip.store(self.ledger).fetch(each, folder)), None):
+                self.keep(clip, chunk, record, folder)
+            else:
+                self.add(Restore(request=clip.plan.request, chunk=chunk, folder=folder, store=clip.store(self.ledger)))
         self.finish_if_complete(clip)
+
+    def keep(self, clip: _Clip, chunk: Chunk, record: str, made_in: Path) -> None:
+        self.ledger.keep(clip.name, chunk.index, record, made_in)
+        clip.in_progress.pop(chunk.index, None)
+        clip.records[chunk.index] = record
 
     def finish_if_complete(self, clip: _Clip) -> None:
         if len(clip.records) < len(clip.chunks):
@@ -181,7 +195,7 @@ class _Run:
             self.fail(clip, Failed(words=f"{request.source} changed while it was read", unreadable=True))
             return
         records = tuple(clip.records[chunk.index] for chunk in clip.chunks)
-        self.queue.append(Finish(request=request, records=records, folder=self.ledger.place(clip.name), mark=mark))
+        self.add(Finish(request=request, records=records, folder=self.ledger.place(clip.name), mark=mark))
 
     def is_taken(self, clip: _Clip) -> bool:
         """Whether something that is not the job's own has appeared under the result's names, which then fails."""
@@ -214,6 +228,7 @@ class _Run:
                 self.retry_or_fail(clip, order, failed(error))
                 return
             self.ledger.done(clip.name, asdict(result), recognition.stamps(request.files))
+            clip.store(self.ledger).remove()
             clip.result = result
         self.tell("finished", clip)
 
@@ -229,9 +244,7 @@ class _Run:
                     self.ledger.cut(clip.name, answer)
                     self.lay_out(clip, answer)
             case Restore(), str():
-                self.ledger.keep(clip.name, order.chunk.index, answer, order.folder)
-                clip.in_progress.pop(order.chunk.index, None)
-                clip.records[order.chunk.index] = answer
+                self.keep(clip, order.chunk, answer, order.folder)
                 self.tell("chunk", clip)
                 if clip.result is None:
                     self.finish_if_complete(clip)
@@ -243,16 +256,17 @@ class _Run:
             raise OSError(*failed.disk)
         what = (clip.name, f"chunk {order.chunk.index}" if isinstance(order, Restore) else type(order).__name__)
         self.tries[what] = self.tries.get(what, 0) + 1
-        if failed.again and self.tries[what] < _TRIES and clip.result is None:
+        if failed.again and self.tries[what] < self.crew.tries and clip.result is None:
             self.tell("retry", clip, f"{failed.words}; its work is tried once more")
-            self.queue.append(order)
+            self.add(order)
         else:
             self.fail(clip, failed)
 
     def fail(self, clip: _Clip, failed: Failed) -> None:
         if clip.result is not None:
             return
-        self.queue = [order for order in self.queue if order.request.output != clip.plan.request.output]
+        for queue in self.queues.values():
+            queue[:] = [order for order in queue if order.request.output != clip.plan.request.output]
         source, output = str(clip.plan.request.source), str(clip.plan.request.output)
         clip.result = Result(source=source, output=output, fault=failed.words, unreadable=failed.unreadable)
         self.tell("failed", clip, failed.words)

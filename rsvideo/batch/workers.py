@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Protocol
 
+from rsvideo.batch.store import Store
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.request import Request
 from rsvideo.config.sidecar import Mark
@@ -35,6 +37,7 @@ class Restore:
     request: Request
     chunk: Chunk
     folder: Path
+    store: Store  # where machines leave it that do not write into that folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +64,33 @@ class Failed:
 
 
 Done = tuple[Chunk, ...] | str | Finished  # of Cut; of Restore, its record as JSON; of Finish
+Answer = Progress | Failed | Done
+
+
+class Hands(Protocol):
+    """Who carries orders out, one after the other or several at a time."""
+
+    @property
+    def tries(self) -> int:
+        """How often an order may cost a worker its life."""
+        ...
+
+    @property
+    def busy(self) -> bool:
+        """Whether an answer is still to come."""
+        ...
+
+    def free(self, kind: type[Order]) -> bool:
+        """Whether one more order of this kind can be given."""
+        ...
+
+    def give(self, order: Order) -> None:
+        """Hand over an order."""
+        ...
+
+    def answers(self) -> Iterator[tuple[Order, Answer]]:
+        """Wait until something is reported; all that is reported now."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,7 +100,9 @@ class _Worker:
 
 
 class Crew:
-    """At most `most` workers, started when there is something for them to do."""
+    """At most `most` workers on this machine, started when there is something for them to do."""
+
+    tries = 2
 
     def __init__(self, *, most: int, threads: int, quiet: bool) -> None:
         self._most, self._threads, self._quiet = most, threads, quiet
@@ -82,14 +114,13 @@ class Crew:
         return _Worker(process=born, connection=connection)
 
     @property
-    def free(self) -> int:
-        """How many more orders can be given."""
-        return self._most - len(self._busy)
-
-    @property
     def busy(self) -> bool:
         """Whether an answer is still to come."""
         return bool(self._busy)
+
+    def free(self, kind: type[Order]) -> bool:  # noqa: ARG002 # each worker does all
+        """Whether one more order can be given."""
+        return len(self._busy) < self._most
 
     def give(self, order: Order) -> None:
         """Hand an order to a worker."""
@@ -98,7 +129,7 @@ class Crew:
         with contextlib.suppress(OSError):  # a worker that has died meanwhile is found below
             worker.connection.send(order)
 
-    def answers(self) -> Iterator[tuple[Order, Progress | Failed | Done]]:
+    def answers(self) -> Iterator[tuple[Order, Answer]]:
         """Wait until a worker reports something; all that is reported now."""
         ready = wait([worker.connection for worker in self._busy])
         for worker in [worker for worker in self._busy if worker.connection in ready]:

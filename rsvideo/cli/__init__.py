@@ -12,6 +12,7 @@ import typer
 from rsvideo.cli.calibrate import calibrate
 from rsvideo.cli.compare import compare
 from rsvideo.cli.deblur import deblur
+from rsvideo.cli.farm import chunks, finish, work
 from rsvideo.cli.inspect import inspect
 from rsvideo.cli.options import RequestCommand
 from rsvideo.cli.plot import plot
@@ -22,8 +23,10 @@ from rsvideo.cli.validate import schema, validate
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
 app.add_typer(calibrate, name="calibrate")
+app.command()(chunks)
 app.command(cls=RequestCommand)(compare)
 app.command(cls=RequestCommand)(deblur)
+app.command()(finish)
 app.command(cls=RequestCommand)(inspect)
 app.command()(plot)
 app.command()(run)
@@ -31,6 +34,7 @@ app.command()(schema)
 app.command()(simulate)
 app.command(cls=RequestCommand)(track)
 app.command()(validate)
+app.command()(work)
 
 
 def _version(wanted: bool) -> bool:

@@ -8,6 +8,7 @@ from types import FrameType
 
 from rsvideo.cli.terminal import say
 from rsvideo.config.files import UnreadableError
+from rsvideo.config.lock import BusyError
 from rsvideo.config.placing import SIGNALS
 
 _SIGPIPE = 13  # by which other programs end whose reader has gone; not every system names it
@@ -95,6 +96,8 @@ def _code_and_words(error: BaseException) -> tuple[int, str]:
             return Code.UNREADABLE, str(error)
         case FileExistsError():
             return Code.EXISTS, str(error)
+        case BusyError():
+            return Code.FAILED, str(error)
         case MemoryError():
             return Code.FAILED, "memory ran out; is there room for about 1.5 GB at 2 megapixels? a crop needs less"
         case GoneError():

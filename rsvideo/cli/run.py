@@ -20,22 +20,30 @@ from rsvideo.config.printable import printable
 
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
-    from rsvideo.batch.plan import Batch, Planned
+    from rsvideo.batch.plan import Batch, Planned, Unreadable
     from rsvideo.batch.run import Result
+    from rsvideo.batch.workers import Hands
     from rsvideo.config.request import Request
     from rsvideo.pipeline.pieces import Chunk
 
 
+Job = Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips and photographs, how they are treated, where results go.")]
+Jobs = Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes; each may need 2 GB.")]
+Shown = Annotated[
+    Literal["auto", "jsonl", "none"],
+    Option("--progress", help="jsonl: one JSON object a line on standard output, the last one the result."),
+]
+Overwrite = Annotated[bool, Option("--overwrite", help="Replace results that exist.")]
+
+
 def run(
-    path: Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips and photographs, how they are treated, where results go.")],
-    jobs: Annotated[int, Option("-j", "--jobs", metavar="N", min=1, max=MOST_JOBS, help="Worker processes; each may need 2 GB.")] = 1,
+    path: Job,
+    jobs: Jobs = 1,
     sets: Sets = None,
     dry_run: Annotated[bool, Option("--dry-run", help="Print what would be done, and do nothing.")] = False,
     resume: Annotated[bool, Option("--resume/--fresh", help="Go on where an earlier run ended, or forget it.")] = True,
-    progress: Annotated[
-        Literal["auto", "jsonl", "none"], Option(help="jsonl: one JSON object a line on standard output, the last one the result.")
-    ] = "auto",
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace results that exist.")] = False,
+    progress: Shown = "auto",
+    overwrite: Overwrite = False,
     json: Annotated[bool, Option("--json", help="Print the plan, or the result, as JSON on standard output.")] = False,
 ) -> int:
     """Restore the clips and photographs that a job's file lists.
@@ -45,38 +53,59 @@ def run(
     Exit codes: 0 all done; 1 one failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
     5 done, but more frames failed than report.most_failed_frames.
     """
-    with refusing():
-        from rsvideo.batch import ledger, plan
-        from rsvideo.config import lock
-
-        batch = plan.read(path, sets or (), overwrite=overwrite)
-    try:
-        with _made(batch.folder):
-            if dry_run and not batch.working.exists():
-                return _print_plan(batch, lambda _: False, json=json)
-            with ledger.opened(batch.working, fresh=not resume and not dry_run) as (book, notes):
-                if dry_run:
-                    return _print_plan(batch, _ours(batch, book), json=json)
-                note(notes)
-                return _carry_out(batch, book, jobs=jobs, progress=progress, json=json)
-    except lock.BusyError as error:
-        say(str(error))
-        return 1
-
-
-def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["auto", "jsonl", "none"], json: bool) -> int:
     from rsvideo.batch import plan, workers
+    from rsvideo.cli import quiet
+
+    batch = read(path, sets, overwrite=overwrite)
+    if dry_run and not batch.working.exists():
+        with made(batch.folder):
+            return _print_plan(batch, lambda _: False, json=json)
+    with opened(batch, fresh=not resume and not dry_run) as book:
+        if dry_run:
+            return _print_plan(batch, ours(batch, book), json=json)
+        with refusing(), quiet.c_libraries():
+            plans = plan.settled(batch, ours(batch, book))
+        return carried_out(batch, book, plans, workers.crew(most=jobs, quiet=quiet.wanted()), progress=progress, json=json)
+
+
+def read(path: Path, sets: "Sequence[str] | None", *, overwrite: bool) -> "Batch":
+    """The batch in a job's file."""
+    with refusing():
+        from rsvideo.batch import plan
+
+        return plan.read(path, sets or (), overwrite=overwrite)
+
+
+@contextlib.contextmanager
+def opened(batch: "Batch", *, fresh: bool = False) -> "Iterator[Ledger]":
+    """The job's ledger, in the folder of the results, with what there is to say of it; raises BusyError."""
+    from rsvideo.batch import ledger
+
+    with made(batch.folder), ledger.opened(batch.working, fresh=fresh) as (book, notes):
+        note(notes)
+        yield book
+
+
+def carried_out(
+    batch: "Batch",
+    book: "Ledger",
+    plans: "Sequence[Planned | Unreadable]",
+    hands: "contextlib.AbstractContextManager[Hands]",
+    *,
+    progress: Literal["auto", "jsonl", "none"],
+    json: bool,
+) -> int:
+    """Carry a plan out, print what became of it, and answer with the exit code."""
+    from rsvideo.batch import plan
     from rsvideo.batch.run import carry_out
-    from rsvideo.cli import batch_progress, quiet
+    from rsvideo.cli import batch_progress
     from rsvideo.cli.exit_codes import Code, Stopped
 
-    with refusing(), quiet.c_libraries():
-        plans = plan.settled(batch, _ours(batch, book))
     for each in plans:
         if isinstance(each, plan.Planned):
             note(f"{each.request.source}: {words}" for words in each.notes)
     try:
-        with batch_progress.shown(progress) as show, workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
+        with batch_progress.shown(progress) as show, hands as crew:
             results = carry_out(plans, book, crew, show)
     except Stopped as error:
         last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
@@ -86,7 +115,7 @@ def _carry_out(batch: "Batch", book: "Ledger", *, jobs: int, progress: Literal["
         return Code.FAILED
     code = _code(results, batch.report.most_failed_frames)
     if json or progress == "jsonl":
-        _print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
+        print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
     _print_table(results)
     if code == Code.WORSE:
         say(f"a clip has more failed frames than report.most_failed_frames allows, {batch.report.most_failed_frames}")
@@ -106,7 +135,7 @@ def _code(results: "Sequence[Result]", most_failed_frames: int) -> int:
 
 
 @contextlib.contextmanager
-def _made(folder: Path) -> Iterator[None]:
+def made(folder: Path) -> Iterator[None]:
     """The folder of the results; it goes again if nothing came of it."""
     from rsvideo.cli.exit_codes import RefusedError
 
@@ -124,7 +153,8 @@ def _made(folder: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
-def _ours(batch: "Batch", book: "Ledger") -> "Callable[[Request], bool]":
+def ours(batch: "Batch", book: "Ledger") -> "Callable[[Request], bool]":
+    """Whether what stands under a request's names was written by this job."""
     from rsvideo.batch import recognition
 
     return lambda request: recognition.may_replace(request, batch.job, book)
@@ -140,7 +170,7 @@ def _print_plan(batch: "Batch", ours: "Callable[[Request], bool]", *, json: bool
         plans = [(each, plan.chunks(each) if isinstance(each, plan.Planned) else ()) for each in plan.settled(batch, ours)]
     planned = [each for each, _ in plans if isinstance(each, plan.Planned)]
     if json:
-        _print_json({"clips": [each.values(cuts) if isinstance(each, plan.Planned) else vars(each) for each, cuts in plans]})
+        print_json({"clips": [each.values(cuts) if isinstance(each, plan.Planned) else vars(each) for each, cuts in plans]})
     else:
         for each, cuts in plans:
             if isinstance(each, plan.Planned):
@@ -193,7 +223,8 @@ def _kept(book: "Ledger") -> str:
     return f"{some(clips, 'clip')} and {some(chunks, 'chunk')} of others are kept, the same command goes on from there"
 
 
-def _print_json(values: object) -> None:
+def print_json(values: object) -> None:
+    """On one line, for a machine."""
     import json
 
     print(json.dumps(values, default=str), flush=True)

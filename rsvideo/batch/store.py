@@ -1,0 +1,128 @@
+"""Restored chunks on a disk that several machines share, until the one that keeps the ledger takes them over.
+
+Files are named by what they hold, and a chunk's record, which lists its files, is written last. So nobody has to lock or rename
+anything: two who restore the same chunk disturb each other nowhere, and what is half-written does not have its hash.
+"""
+
+import contextlib
+import hashlib
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
+
+from rsvideo.config.files import naming, read_whole, sha256
+from rsvideo.config.sidecar import Mark
+from rsvideo.pipeline import fingerprint
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord
+
+FOLDER = "store"  # within the folder that a job works in
+_RECORD = re.compile(r"\d+-([0-9a-f]{64})\.json")
+_DIGEST = re.compile(r"[0-9a-f]{64}")
+_MOST_BYTES = 10_000_000  # of a record
+_BLOCK = 1 << 20
+
+
+class _Kept(BaseModel):
+    """What a record's file holds."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    chunk: Chunk
+    record: ChunkRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class Store:
+    """The chunks of one photograph or clip, as it is restored with one set of settings."""
+
+    folder: Path
+
+    @classmethod
+    def of(cls, working: Path, output: str, mark: Mark) -> "Store":
+        """Of a result, in the folder that its job works in."""
+        return cls(folder=working / FOLDER / fingerprint.of_values({"output": output, **mark.model_dump()})[:16])
+
+    def make(self) -> None:
+        """Make the folder; only who takes the chunks over does, so that who comes too late leaves nothing behind."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+    def put(self, chunk: Chunk, record: str, made_in: Path) -> None:
+        """Copy a chunk's files into the store, and then its record (JSON); raises OSError."""
+        for name, digest in ChunkRecord.model_validate_json(record).sha256.items():
+            _write(self.folder / digest, digest, _blocks(made_in / name))
+        text = _Kept(chunk=chunk, record=ChunkRecord.model_validate_json(record)).model_dump_json().encode()
+        digest = hashlib.sha256(text).hexdigest()
+        _write(self.folder / f"{chunk.index}-{digest}.json", digest, [text])
+
+    def records(self) -> dict[Chunk, list[str]]:
+        """The records (JSON) of all chunks that the store seems to hold; their files are not looked at."""
+        found: dict[Chunk, list[str]] = {}
+        with contextlib.suppress(FileNotFoundError):
+            for path in sorted(self.folder.iterdir()):
+                with contextlib.suppress(OSError, ValueError, RecursionError):
+                    if (name := _RECORD.fullmatch(path.name)) and name[1] == sha256(path):
+                        kept = _Kept.model_validate_json(read_whole(path, most=_MOST_BYTES))
+                        found.setdefault(kept.chunk, []).append(kept.record.model_dump_json())
+        return found
+
+    def whole(self, record: str) -> bool:
+        """Whether a chunk's files are there and hold what its record (JSON) says."""
+        held = ChunkRecord.model_validate_json(record).sha256.items()
+        return all(
+            Path(name).name == name and name.strip(".") and _DIGEST.fullmatch(digest) and _holds(self.folder / digest, digest)
+            for name, digest in held
+        )
+
+    def fetch(self, record: str, folder: Path) -> bool:
+        """Bring a chunk's files into a folder under their names, if they are whole."""
+        if not self.whole(record):
+            return False
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, digest in ChunkRecord.model_validate_json(record).sha256.items():
+            at = folder / name
+            at.unlink(missing_ok=True)
+            try:
+                at.hardlink_to(self.folder / digest)
+            except OSError:  # another file system, or one without second names
+                with naming(at):
+                    shutil.copyfile(self.folder / digest, at)
+        return True
+
+    def remove(self) -> None:
+        """Forget all, once the result is complete."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def in_use(working: Path) -> bool:
+    """Whether something is stored for a job."""
+    return any((working / FOLDER).rglob("*.json"))
+
+
+def _write(path: Path, digest: str, blocks: Iterable[bytes]) -> None:
+    """Write a file named by its content in its place, never cutting it short: others may be writing the same into it, or reading."""
+    if _holds(path, digest):
+        return
+    with naming(path), os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "wb") as file:
+        for block in blocks:
+            file.write(block)
+        file.truncate()
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _holds(path: Path, digest: str) -> bool:
+    try:
+        return path.is_file() and sha256(path) == digest
+    except OSError:
+        return False
+
+
+def _blocks(path: Path) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            yield block

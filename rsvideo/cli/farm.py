@@ -1,0 +1,108 @@
+"""rsvideo chunks, work and finish: a job in numbered parts for render farms and clusters, which call commands."""
+
+import contextlib
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Option
+
+from rsvideo.cli.exit_codes import Code, note, refusing
+from rsvideo.cli.run import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, print_json, read
+from rsvideo.cli.terminal import say
+from rsvideo.cli.validate import Sets
+
+if TYPE_CHECKING:
+    from rsvideo.batch.farm import Finishers, Layout
+
+
+def chunks(path: Job, sets: Sets = None, overwrite: Overwrite = False) -> int:
+    """Cut a job's clips into chunks, and list them as JSON, by the numbers that rsvideo work takes.
+
+    Exit codes: 0 all are cut; 2 the request is wrong; 3 a source is damaged or missing, the others are cut; 4 a result exists.
+    """
+    from rsvideo.batch import farm, plan
+    from rsvideo.cli import quiet
+
+    batch = read(path, sets, overwrite=overwrite)
+    with opened(batch) as book, refusing(), quiet.c_libraries():
+        plans = plan.settled(batch, ours(batch, book))
+        cut = farm.laid_out(batch, plans)
+    for each in plans:
+        if isinstance(each, plan.Planned):
+            note(f"{each.request.source}: {words}" for words in each.notes)
+        else:
+            say(each.fault)
+    print_json(farm.values(cut, batch))
+    return Code.DONE if len(cut.parts) == len(plans) else Code.UNREADABLE
+
+
+def work(
+    path: Job,
+    wanted: Annotated[str, Option("--chunks", metavar="NUMBERS", help="Such as 3, 3-17 or 3,5-7; rsvideo chunks lists them.")],
+    jobs: Jobs = 1,
+    sets: Sets = None,
+) -> int:
+    """Restore chunks of a job, for rsvideo finish; any number of machines may do so at the same time.
+
+    Exit codes: 0 all are done; 1 one failed; 2 the request is wrong; 3 a source is damaged or missing.
+    """
+    from rsvideo.batch import farm, workers
+    from rsvideo.cli import quiet
+
+    batch = read(path, sets, overwrite=True)  # nothing gets a name here
+    with refusing(), quiet.c_libraries():
+        orders = farm.orders(batch, farm.layout(batch, path), farm.numbers(wanted))
+    faults = []
+    with (
+        tempfile.TemporaryDirectory(prefix="rsvideo-", ignore_cleanup_errors=True) as folder,
+        workers.crew(most=jobs, quiet=quiet.wanted()) as crew,
+    ):
+        for number, fault in farm.restored(orders, crew, Path(folder)):
+            if fault is not None:
+                faults.append(fault)
+                say(f"chunk {number} failed: {fault.words}")
+    if not faults:
+        return Code.DONE
+    return Code.UNREADABLE if all(fault.unreadable for fault in faults) else Code.FAILED
+
+
+def finish(
+    path: Job,
+    jobs: Jobs = 1,
+    sets: Sets = None,
+    progress: Shown = "auto",
+    overwrite: Overwrite = False,
+    json: Annotated[bool, Option("--json", help="Print the result as JSON on standard output.")] = False,
+) -> int:
+    """Make the results of a job whose chunks rsvideo work has restored.
+
+    Exit codes: as of rsvideo run; 3 also where chunks are missing.
+    """
+    from rsvideo.batch import farm
+    from rsvideo.cli import quiet
+
+    batch = read(path, sets, overwrite=overwrite)
+    with opened(batch) as book:
+        with refusing(), quiet.c_libraries():
+            cut = farm.layout(batch, path)
+            plans = farm.planned(batch, cut, ours(batch, book))
+        missing: list[int] = []
+        code = carried_out(batch, book, plans, _finishers(cut, jobs, missing), progress=progress, json=json)
+    if missing:
+        numbers = farm.written(missing)
+        say(f"chunks {numbers} are missing; rsvideo work {path} --chunks {numbers} restores them")
+    return code
+
+
+@contextlib.contextmanager
+def _finishers(cut: "Layout", jobs: int, missing: list[int]) -> "Iterator[Finishers]":
+    """Hands that encode; `missing` gets the numbers of the chunks that they lack."""
+    from rsvideo.batch import farm, workers
+    from rsvideo.cli import quiet
+
+    with workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
+        hands = farm.Finishers(cut, crew)
+        yield hands
+        missing += hands.missing

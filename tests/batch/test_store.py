@@ -1,0 +1,101 @@
+"""Chunks in a store: what is whole is found, whoever wrote it, and what is not is not believed."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from rsvideo.batch.store import Store, in_use
+from rsvideo.config.sidecar import Mark
+from rsvideo.pipeline.pieces import Chunk, ChunkRecord
+
+CHUNK = Chunk(index=3, first=12, last=15, warm_up=4)
+DATA = {"000003.zip": b"pictures" * 1000, "000003.jsonl": b"frames"}
+RECORD = ChunkRecord(
+    pictures="000003.zip", frames="000003.jsonl", sha256={name: hashlib.sha256(data).hexdigest() for name, data in DATA.items()}
+).model_dump_json()
+
+
+def made(folder: Path) -> Path:
+    folder.mkdir(parents=True)
+    for name, data in DATA.items():
+        (folder / name).write_bytes(data)
+    return folder
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """A store that holds one chunk."""
+    store = Store.of(tmp_path / "job", "a.mp4", Mark(job="job.yaml", input="a.mp4", settings="0", source="1"))
+    store.make()
+    store.put(CHUNK, RECORD, made(tmp_path / "made"))
+    return store
+
+
+def test_a_chunk_comes_out_as_it_went_in(store: Store, tmp_path: Path) -> None:
+    assert store.records() == {CHUNK: [RECORD]}
+    assert store.fetch(RECORD, tmp_path / "taken")
+    assert {path.name: path.read_bytes() for path in (tmp_path / "taken").iterdir()} == DATA
+    store.remove()
+    assert not store.folder.exists()
+    assert {path.name: path.read_bytes() for path in (tmp_path / "taken").iterdir()} == DATA
+
+
+def test_other_settings_or_another_source_have_another_store(store: Store, tmp_path: Path) -> None:
+    mark = Mark(job="job.yaml", input="a.mp4", settings="0", source="1")
+    assert Store.of(tmp_path / "job", "a.mp4", mark) == store
+    for changed in (mark.model_copy(update={"settings": "1"}), mark.model_copy(update={"source": "2"})):
+        assert Store.of(tmp_path / "job", "a.mp4", changed) != store
+    assert Store.of(tmp_path / "job", "b.mp4", mark) != store
+
+
+@pytest.mark.parametrize("ruin", [lambda data: b"P" + data[1:], lambda data: data[:-1], lambda _: b""], ids=["changed", "cut", "empty"])
+@pytest.mark.parametrize("kind", ["data", "record"])
+def test_what_does_not_hold_what_its_name_says_is_not_believed_and_can_be_put_again(store: Store, tmp_path: Path, kind: str, ruin) -> None:
+    for path in list(store.folder.iterdir()):
+        if (path.suffix == ".json") == (kind == "record"):
+            path.write_bytes(ruin(path.read_bytes()))
+    assert not (store.records() and store.fetch(RECORD, tmp_path / "taken"))
+    store.put(CHUNK, RECORD, made(tmp_path / "again"))
+    assert store.records() == {CHUNK: [RECORD]}
+    assert store.fetch(RECORD, tmp_path / "taken")
+
+
+def test_a_file_that_another_is_writing_is_not_cut_short(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rsvideo.batch.store._holds", lambda *_: False)  # as while the other has not come to its end
+    with next(path for path in store.folder.iterdir() if path.suffix != ".json" and path.stat().st_size > 100).open("rb") as reader:
+        begin = reader.read(10)
+        reads = []
+        monkeypatch.setattr(
+            "rsvideo.batch.store._blocks", lambda path: _pieces(path, lambda: reads.append(reader.seek(0) or reader.read()))
+        )
+        store.put(CHUNK, RECORD, made(tmp_path / "again"))
+    assert begin == DATA["000003.zip"][:10]
+    assert reads
+    assert set(reads) == {DATA["000003.zip"]}
+
+
+def _pieces(path: Path, between):
+    data = path.read_bytes()
+    for at in range(0, len(data), 1000):
+        between()
+        yield data[at : at + 1000]
+
+
+@pytest.mark.parametrize("name", ["../outside", "/outside", "a/b", "..", ""])
+def test_a_record_that_names_a_file_elsewhere_is_not_followed(store: Store, tmp_path: Path, name: str) -> None:
+    digest = hashlib.sha256(DATA["000003.jsonl"]).hexdigest()
+    hostile = ChunkRecord(pictures=name, frames=name, sha256={name: digest}).model_dump_json()
+    assert not store.fetch(hostile, tmp_path / "taken")
+    assert not (tmp_path / "taken").exists()
+    for digest in ("../" + "0" * 61, "x"):
+        assert not store.fetch(ChunkRecord(pictures="a", frames="a", sha256={"a": digest}).model_dump_json(), tmp_path / "taken")
+
+
+def test_who_comes_too_late_leaves_nothing_behind(store: Store, tmp_path: Path) -> None:
+    assert in_use(tmp_path / "job")
+    store.remove()
+    with pytest.raises(FileNotFoundError):
+        store.put(CHUNK, RECORD, tmp_path / "made")
+    assert not in_use(tmp_path / "job")
+    assert store.records() == {}
