@@ -117,7 +117,7 @@ def of_benchmark(name: str) -> frozenset[str]:
 
 def wrong_options(command: str, page: str = "") -> Iterator[str]:
     """Verbs and options that do not exist; an option by itself is one of any verb, or of a benchmark that the page names."""
-    if re.search(r"\b(pip|pytest|mkdocs|ruff|sbatch|openjd)\b", command):
+    if re.search(r"\b(pip|pytest|mkdocs|ruff|sbatch|openjd|dask)\b", command):
         return
     verb = re.match(r"(?:\.venv/bin/)?rsvideo (calibrate [a-z]+|[a-z]+)(?![a-z_/.])", command)
     if verb and verb[1] not in verbs():

@@ -135,13 +135,16 @@ def orders(batch: Batch, cut: Layout, wanted: Sequence[int]) -> dict[int, Restor
         if isinstance(each, Unreadable):
             raise UnreadableError(each.fault)
         requests[each.request.output.name] = each.request
-    stores = {part.output: Store.of(batch.working, part.output, part.mark) for part, _ in chosen.values()}
-    records = {output: store.records() for output, store in stores.items()}
-    return {
-        number: Restore(request=requests[part.output], chunk=chunk, folder=Path(), store=stores[part.output])
+    orders = {
+        number: Restore(request=requests[part.output], chunk=chunk, folder=Path(), store=Store.of(batch.working, part.output, part.mark))
         for number, (part, chunk) in chosen.items()
-        if stores[part.output].folder.is_dir() and not any(map(stores[part.output].whole, records[part.output].get(chunk, ())))
     }
+    return {number: order for number, order in orders.items() if order.store.folder.is_dir() and stored(order) is None}
+
+
+def stored(order: Restore) -> str | None:
+    """The record (JSON) of a chunk that somebody has restored already."""
+    return next((record for record in order.store.records().get(order.chunk, ()) if order.store.whole(record)), None)
 
 
 def restored(wanted: Mapping[int, Restore], crew: Crew, folder: Path) -> Iterator[tuple[int, Failed | None]]:
@@ -153,10 +156,10 @@ def restored(wanted: Mapping[int, Restore], crew: Crew, folder: Path) -> Iterato
             crew.give(waiting.popleft())
         for order, answer in crew.answers():
             if isinstance(order, Restore) and not isinstance(answer, Progress):
-                yield numbers[order.store, order.chunk], _stored(order, answer)
+                yield numbers[order.store, order.chunk], _put(order, answer)
 
 
-def _stored(order: Restore, answer: Answer) -> Failed | None:
+def _put(order: Restore, answer: Answer) -> Failed | None:
     if isinstance(answer, Failed):
         return answer
     assert isinstance(answer, str)

@@ -67,6 +67,10 @@ Done = tuple[Chunk, ...] | str | Finished  # of Cut; of Restore, its record as J
 Answer = Progress | Failed | Done
 
 
+class ClusterError(Exception):
+    """Hands on other machines are gone."""
+
+
 class Hands(Protocol):
     """Who carries orders out, one after the other or several at a time."""
 
@@ -118,6 +122,11 @@ class Crew:
         """Whether an answer is still to come."""
         return bool(self._busy)
 
+    @property
+    def connections(self) -> list[Connection]:
+        """By which workers report."""
+        return [worker.connection for worker in self._busy]
+
     def free(self, kind: type[Order]) -> bool:  # noqa: ARG002 # each worker does all
         """Whether one more order can be given."""
         return len(self._busy) < self._most
@@ -131,7 +140,7 @@ class Crew:
 
     def answers(self) -> Iterator[tuple[Order, Answer]]:
         """Wait until a worker reports something; all that is reported now."""
-        ready = wait([worker.connection for worker in self._busy])
+        ready = wait(self.connections)
         for worker in [worker for worker in self._busy if worker.connection in ready]:
             order = self._busy[worker]
             try:

@@ -1,10 +1,8 @@
 """rsvideo chunks, work and finish: a job in numbered parts for render farms and clusters, which call commands."""
 
-import contextlib
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Option
 
@@ -12,9 +10,6 @@ from rsvideo.cli.exit_codes import Code, note, refusing
 from rsvideo.cli.run import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, print_json, read
 from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
-
-if TYPE_CHECKING:
-    from rsvideo.batch.farm import Finishers, Layout
 
 
 def chunks(path: Job, sets: Sets = None, overwrite: Overwrite = False) -> int:
@@ -80,7 +75,7 @@ def finish(
 
     Exit codes: as of rsvideo run; 3 also where chunks are missing.
     """
-    from rsvideo.batch import farm
+    from rsvideo.batch import farm, workers
     from rsvideo.cli import quiet
 
     batch = read(path, sets, overwrite=overwrite)
@@ -88,21 +83,10 @@ def finish(
         with refusing(), quiet.c_libraries():
             cut = farm.layout(batch, path)
             plans = farm.planned(batch, cut, ours(batch, book))
-        missing: list[int] = []
-        code = carried_out(batch, book, plans, _finishers(cut, jobs, missing), progress=progress, json=json)
-    if missing:
-        numbers = farm.written(missing)
+        with workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
+            hands = farm.Finishers(cut, crew)
+            code = carried_out(batch, book, plans, hands, progress=progress, json=json)
+    if hands.missing:
+        numbers = farm.written(hands.missing)
         say(f"chunks {numbers} are missing; rsvideo work {path} --chunks {numbers} restores them")
     return code
-
-
-@contextlib.contextmanager
-def _finishers(cut: "Layout", jobs: int, missing: list[int]) -> "Iterator[Finishers]":
-    """Hands that encode; `missing` gets the numbers of the chunks that they lack."""
-    from rsvideo.batch import farm, workers
-    from rsvideo.cli import quiet
-
-    with workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
-        hands = farm.Finishers(cut, crew)
-        yield hands
-        missing += hands.missing

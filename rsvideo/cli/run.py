@@ -45,6 +45,10 @@ def run(
     progress: Shown = "auto",
     overwrite: Overwrite = False,
     json: Annotated[bool, Option("--json", help="Print the plan, or the result, as JSON on standard output.")] = False,
+    scheduler: Annotated[
+        str | None,
+        Option(metavar="ADDRESS", help="Of dask.distributed, whose workers restore: tcp://HOST:8786; local starts N workers here."),
+    ] = None,
 ) -> int:
     """Restore the clips and photographs that a job's file lists.
 
@@ -53,7 +57,7 @@ def run(
     Exit codes: 0 all done; 1 one failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
     5 done, but more frames failed than report.most_failed_frames.
     """
-    from rsvideo.batch import plan, workers
+    from rsvideo.batch import plan
     from rsvideo.cli import quiet
 
     batch = read(path, sets, overwrite=overwrite)
@@ -63,9 +67,30 @@ def run(
     with opened(batch, fresh=not resume and not dry_run) as book:
         if dry_run:
             return _print_plan(batch, ours(batch, book), json=json)
-        with refusing(), quiet.c_libraries():
-            plans = plan.settled(batch, ours(batch, book))
-        return carried_out(batch, book, plans, workers.crew(most=jobs, quiet=quiet.wanted()), progress=progress, json=json)
+        with _hands(batch, scheduler, jobs) as crew:
+            with refusing(), quiet.c_libraries():
+                plans = plan.settled(batch, ours(batch, book))
+            return carried_out(batch, book, plans, crew, progress=progress, json=json)
+
+
+@contextlib.contextmanager
+def _hands(batch: "Batch", scheduler: str | None, jobs: int) -> "Iterator[Hands]":
+    """Workers on this machine, or those of a cluster."""
+    from rsvideo.cli import quiet
+
+    with contextlib.ExitStack() as stack:
+        if scheduler is None:
+            from rsvideo.batch import workers
+
+            yield stack.enter_context(workers.crew(most=jobs, quiet=quiet.wanted()))
+            return
+        from rsvideo.batch import cluster
+
+        requests = [item.request for item in batch.items]
+        with refusing():
+            opened = cluster.opened(scheduler, batch.working, requests, jobs=jobs, tell=say, quiet=quiet.wanted())
+            hands = stack.enter_context(opened)
+        yield hands
 
 
 def read(path: Path, sets: "Sequence[str] | None", *, overwrite: bool) -> "Batch":
@@ -90,7 +115,7 @@ def carried_out(
     batch: "Batch",
     book: "Ledger",
     plans: "Sequence[Planned | Unreadable]",
-    hands: "contextlib.AbstractContextManager[Hands]",
+    hands: "Hands",
     *,
     progress: Literal["auto", "jsonl", "none"],
     json: bool,
@@ -98,6 +123,7 @@ def carried_out(
     """Carry a plan out, print what became of it, and answer with the exit code."""
     from rsvideo.batch import plan
     from rsvideo.batch.run import carry_out
+    from rsvideo.batch.workers import ClusterError
     from rsvideo.cli import batch_progress
     from rsvideo.cli.exit_codes import Code, Stopped
 
@@ -105,11 +131,14 @@ def carried_out(
         if isinstance(each, plan.Planned):
             note(f"{each.request.source}: {words}" for words in each.notes)
     try:
-        with batch_progress.shown(progress) as show, hands as crew:
-            results = carry_out(plans, book, crew, show)
+        with batch_progress.shown(progress) as show:
+            results = carry_out(plans, book, hands, show)
     except Stopped as error:
         last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
+    except ClusterError as error:
+        say(f"{error}; {_kept(book)}")
+        return Code.FAILED
     except OSError as error:
         say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
         return Code.FAILED

@@ -1,0 +1,60 @@
+"""The process of a cluster's worker that restores: `python -m rsvideo.batch.errands THREADS [quiet]`.
+
+It reads pickled orders from its parent, which is the only one that can write to it, and answers each with a line of JSON. It ends when
+its parent does.
+"""
+
+import json
+import os
+import pickle
+import queue
+import shutil
+import sys
+import tempfile
+import threading
+from dataclasses import asdict
+from pathlib import Path
+
+from rsvideo.batch import farm
+from rsvideo.batch.workers import Crew, Failed, Restore
+from rsvideo.pipeline import processes
+
+
+def answered(text: bytes) -> str | Failed:
+    """What an answer says: the record of a chunk that is in the store (JSON), or why there is none."""
+    stated = json.loads(text)
+    if isinstance(stated, str):
+        return stated
+    disk = stated.pop("disk")
+    return Failed(**stated, disk=None if disk is None else tuple(disk))
+
+
+def main() -> None:
+    """Carry orders out until there is nobody left to give one."""
+    threads, quiet = min(int(sys.argv[1]), processes.cores()), "quiet" in sys.argv[2:]
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # nothing else gets in between the answers
+    orders: queue.SimpleQueue[Restore] = queue.SimpleQueue()
+    folder = Path(tempfile.mkdtemp(prefix="rsvideo-"))
+    threading.Thread(target=_listen, args=(orders, folder), daemon=True).start()
+    crew = Crew(most=1, threads=threads, quiet=quiet)
+    while True:
+        order = orders.get()
+        answer = farm.stored(order)
+        if answer is None:
+            ((_, fault),) = farm.restored({0: order}, crew, folder)
+            answer = asdict(fault) if fault else farm.stored(order)
+        answers.write(json.dumps(answer).encode() + b"\n")
+
+
+def _listen(orders: "queue.SimpleQueue[Restore]", folder: Path) -> None:
+    try:
+        while True:
+            orders.put(pickle.load(sys.stdin.buffer))
+    except (EOFError, OSError, pickle.UnpicklingError):
+        shutil.rmtree(folder, ignore_errors=True)
+        os._exit(0)  # which ends the crew too, whatever it is doing
+
+
+if __name__ == "__main__":
+    main()
