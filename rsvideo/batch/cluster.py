@@ -51,7 +51,6 @@ class Cluster:
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
         self._ears, self._mouth = Pipe(duplex=False)
         self._looked, self._manned = 0.0, time.monotonic()
-        self._full: Failed | None = None
 
     @property
     def busy(self) -> bool:
@@ -94,7 +93,7 @@ class Cluster:
         idle = self._idle
         while self._waiting and idle:
             order, address = self._waiting.pop(0), idle.pop(0)
-            words = pickle.dumps(_elsewhere(order))
+            words = pickle.dumps(elsewhere(order))
             future = self._client.submit(
                 machine.carry_out,
                 words,
@@ -124,12 +123,12 @@ class Cluster:
     def _answered(self, order: Restore, address: str, answer: str | Failed) -> Iterator[tuple[Order, Answer]]:
         if isinstance(answer, Failed) and answer.disk is not None:
             self._threads.pop(address, None)
-            self._refused[address], self._full = answer.words, answer
+            self._refused[address] = answer.words
             self._tell(f"the worker {address} gets no more orders: {answer.words}")
             if self._threads:
                 self._waiting.append(order)
                 return
-        elif isinstance(answer, str) and not order.store.fetch(answer, order.folder):
+        elif isinstance(answer, str) and not order.store.fetch(order.chunk, answer, order.folder):
             answer = Failed(words=f"the chunk that {address} restored did not arrive whole", again=True)
         yield order, answer
 
@@ -263,7 +262,7 @@ def _connected(address: str, jobs: int, *, quiet: bool) -> "Iterator[Client]":
         yield client
 
 
-def _elsewhere(order: Restore) -> Restore:
+def elsewhere(order: Restore) -> Restore:
     """The order for a machine on which nothing is relative to this folder, and nothing gets a name."""
     request, here = order.request, Path.cwd()
     absolute = Request.of(request.source.absolute(), request.output.absolute(), request.files_beside(here), overwrite=True)

@@ -40,10 +40,10 @@ def main() -> None:
     crew = Crew(most=1, threads=threads, quiet=quiet)
     while True:
         order = orders.get()
-        answer = farm.stored(order)
+        answer = order.store.record(order.chunk)
         if answer is None:
             ((_, fault),) = farm.restored({0: order}, crew, folder)
-            answer = asdict(fault) if fault else farm.stored(order)
+            answer = asdict(fault) if fault else order.store.record(order.chunk)
         answers.write(json.dumps(answer).encode() + b"\n")
 
 

@@ -139,12 +139,7 @@ def orders(batch: Batch, cut: Layout, wanted: Sequence[int]) -> dict[int, Restor
         number: Restore(request=requests[part.output], chunk=chunk, folder=Path(), store=Store.of(batch.working, part.output, part.mark))
         for number, (part, chunk) in chosen.items()
     }
-    return {number: order for number, order in orders.items() if order.store.folder.is_dir() and stored(order) is None}
-
-
-def stored(order: Restore) -> str | None:
-    """The record (JSON) of a chunk that somebody has restored already."""
-    return next((record for record in order.store.records().get(order.chunk, ()) if order.store.whole(record)), None)
+    return {number: order for number, order in orders.items() if order.store.folder.is_dir() and order.store.record(order.chunk) is None}
 
 
 def restored(wanted: Mapping[int, Restore], crew: Crew, folder: Path) -> Iterator[tuple[int, Failed | None]]:
@@ -175,7 +170,7 @@ def _put(order: Restore, answer: Answer) -> Failed | None:
 class Finishers:
     """Hands that restore nothing: a clip's chunks are those of the layout, and one that no store holds is missing."""
 
-    tries = 1
+    tries = Crew.tries
 
     def __init__(self, cut: Layout, crew: Crew) -> None:
         self._cut, self._crew = cut, crew

@@ -168,16 +168,16 @@ class _Run:
         return True
 
     def lay_out(self, clip: _Clip, chunks: tuple[Chunk, ...]) -> None:
-        records, stored = self.ledger.records(clip.name), clip.store(self.ledger).records()
+        records, store = self.ledger.records(clip.name), clip.store(self.ledger)
         folder = self.ledger.place(clip.name) / self.made_in
         clip.chunks = chunks
         for chunk in chunks:
             if chunk.index in records:
                 clip.records[chunk.index] = records[chunk.index]
-            elif record := next((each for each in stored.get(chunk, ()) if clip.store(self.ledger).fetch(each, folder)), None):
+            elif (record := store.record(chunk)) and store.fetch(chunk, record, folder):
                 self.keep(clip, chunk, record, folder)
             else:
-                self.add(Restore(request=clip.plan.request, chunk=chunk, folder=folder, store=clip.store(self.ledger)))
+                self.add(Restore(request=clip.plan.request, chunk=chunk, folder=folder, store=store))
         self.finish_if_complete(clip)
 
     def keep(self, clip: _Clip, chunk: Chunk, record: str, made_in: Path) -> None:

@@ -1,7 +1,7 @@
 """Restored chunks on a disk that several machines share, until the one that keeps the ledger takes them over.
 
-Files are named by what they hold, and a chunk's record, which lists its files, is written last. So nobody has to lock or rename
-anything: two who restore the same chunk disturb each other nowhere, and what is half-written does not have its hash.
+Each chunk has a folder. Files are named by what they hold, and a chunk's record, which lists its files, is written last. So nobody has
+to lock or rename anything: two who restore the same chunk disturb each other nowhere, and what is half-written does not have its hash.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ from rsvideo.pipeline import fingerprint
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 
 FOLDER = "store"  # within the folder that a job works in
-_RECORD = re.compile(r"\d+-([0-9a-f]{64})\.json")
+_RECORD = re.compile(r"([0-9a-f]{64})\.json")
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _MOST_BYTES = 10_000_000  # of a record
 _BLOCK = 1 << 20
@@ -53,49 +53,54 @@ class Store:
 
     def put(self, chunk: Chunk, record: str, made_in: Path) -> None:
         """Copy a chunk's files into the store, and then its record (JSON); raises OSError."""
+        folder = self._of(chunk)
+        folder.mkdir(exist_ok=True)
         for name, digest in ChunkRecord.model_validate_json(record).sha256.items():
-            _write(self.folder / digest, digest, _blocks(made_in / name))
+            _write(folder / digest, digest, _blocks(made_in / name))
         text = _Kept(chunk=chunk, record=ChunkRecord.model_validate_json(record)).model_dump_json().encode()
         digest = hashlib.sha256(text).hexdigest()
-        _write(self.folder / f"{chunk.index}-{digest}.json", digest, [text])
+        _write(folder / f"{digest}.json", digest, [text])
 
-    def records(self) -> dict[Chunk, list[str]]:
-        """The records (JSON) of all chunks that the store seems to hold; their files are not looked at."""
-        found: dict[Chunk, list[str]] = {}
+    def record(self, chunk: Chunk) -> str | None:
+        """The record (JSON) of a chunk that is whole."""
         with contextlib.suppress(FileNotFoundError):
-            for path in sorted(self.folder.iterdir()):
+            for path in sorted(self._of(chunk).iterdir()):
                 with contextlib.suppress(OSError, ValueError, RecursionError):
-                    if (name := _RECORD.fullmatch(path.name)) and name[1] == sha256(path):
+                    if (name := _RECORD.fullmatch(path.name)) and _holds(path, name[1]):
                         kept = _Kept.model_validate_json(read_whole(path, most=_MOST_BYTES))
-                        found.setdefault(kept.chunk, []).append(kept.record.model_dump_json())
-        return found
+                        if kept.chunk == chunk and self._whole(chunk, kept.record):
+                            return kept.record.model_dump_json()
+        return None
 
-    def whole(self, record: str) -> bool:
-        """Whether a chunk's files are there and hold what its record (JSON) says."""
-        held = ChunkRecord.model_validate_json(record).sha256.items()
-        return all(
-            Path(name).name == name and name.strip(".") and _DIGEST.fullmatch(digest) and _holds(self.folder / digest, digest)
-            for name, digest in held
-        )
-
-    def fetch(self, record: str, folder: Path) -> bool:
+    def fetch(self, chunk: Chunk, record: str, folder: Path) -> bool:
         """Bring a chunk's files into a folder under their names, if they are whole."""
-        if not self.whole(record):
+        kept = ChunkRecord.model_validate_json(record)
+        if not self._whole(chunk, kept):
             return False
         folder.mkdir(parents=True, exist_ok=True)
-        for name, digest in ChunkRecord.model_validate_json(record).sha256.items():
-            at = folder / name
+        for name, digest in kept.sha256.items():
+            at, held = folder / name, self._of(chunk) / digest
             at.unlink(missing_ok=True)
             try:
-                at.hardlink_to(self.folder / digest)
+                at.hardlink_to(held)
             except OSError:  # another file system, or one without second names
                 with naming(at):
-                    shutil.copyfile(self.folder / digest, at)
+                    shutil.copyfile(held, at)
         return True
 
     def remove(self) -> None:
         """Forget all, once the result is complete."""
         shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _of(self, chunk: Chunk) -> Path:
+        return self.folder / str(chunk.index)
+
+    def _whole(self, chunk: Chunk, record: ChunkRecord) -> bool:
+        """Whether a chunk's files are there and hold what its record says."""
+        return all(
+            Path(name).name == name and name.strip(".") and _DIGEST.fullmatch(digest) and _holds(self._of(chunk) / digest, digest)
+            for name, digest in record.sha256.items()
+        )
 
 
 def in_use(working: Path) -> bool:

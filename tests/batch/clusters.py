@@ -34,9 +34,10 @@ class Machines:
             )
         return self.running[-1]
 
-    def worker(self, **mishaps: object) -> subprocess.Popen[bytes]:
-        """One more worker with one thread."""
-        return self.start("worker", self.address, "--nworkers", "1", "--nthreads", "1", "--local-directory", str(self.folder), **mishaps)
+    def worker(self, *, threads: int = 1, **mishaps: object) -> subprocess.Popen[bytes]:
+        """One more worker."""
+        words = (self.address, "--nworkers", "1", "--nthreads", str(threads), "--local-directory", str(self.folder))
+        return self.start("worker", *words, **mishaps)
 
     def await_workers(self, count: int) -> None:
         """Wait until so many have joined."""

@@ -4,6 +4,7 @@ A frame is restored from all that came before it in its chunk and its warm-up. T
 
 PACE: seconds a frame
 TALLY: a file that gets a line, `clip number`, for each chunk begun
+DIARY: a file that gets a line, `begun clip number` or `done clip number`, for each chunk begun and each done
 KILLED: the `clip number` of a chunk whose workers die
 KILLED_ONCE: a file, absent, that will note that a worker has died
 HELD: the `clip number` of a chunk that takes a minute
@@ -84,6 +85,7 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
     if tally := os.environ.get("TALLY"):
         with Path(tally).open("a") as file:
             file.write(f"{task.request.source.name} {chunk.index}\n")
+    note(f"begun {task.request.source.name} {chunk.index}")
     once = Path(os.environ.get("KILLED_ONCE", "/"))
     if os.environ.get("KILLED") == f"{task.request.source.name} {chunk.index}" or not once.exists():
         once.touch()
@@ -105,7 +107,14 @@ def work(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> ChunkReco
             made.append(value)
     name = f"{chunk.index:05}.bytes"
     write_whole({folder / name: bytes(made)})
+    note(f"done {task.request.source.name} {chunk.index}")
     return ChunkRecord(pictures=name, frames=name, sha256={name: hashlib.sha256(made).hexdigest()})
+
+
+def note(line: str) -> None:
+    if diary := os.environ.get("DIARY"):
+        with Path(diary).open("a") as file:
+            file.write(f"{line}\n")
 
 
 def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | None = None) -> Finished:

@@ -33,8 +33,8 @@ def store(tmp_path: Path) -> Store:
 
 
 def test_a_chunk_comes_out_as_it_went_in(store: Store, tmp_path: Path) -> None:
-    assert store.records() == {CHUNK: [RECORD]}
-    assert store.fetch(RECORD, tmp_path / "taken")
+    assert store.record(CHUNK) == RECORD
+    assert store.fetch(CHUNK, RECORD, tmp_path / "taken")
     assert {path.name: path.read_bytes() for path in (tmp_path / "taken").iterdir()} == DATA
     store.remove()
     assert not store.folder.exists()
@@ -52,18 +52,19 @@ def test_other_settings_or_another_source_have_another_store(store: Store, tmp_p
 @pytest.mark.parametrize("ruin", [lambda data: b"P" + data[1:], lambda data: data[:-1], lambda _: b""], ids=["changed", "cut", "empty"])
 @pytest.mark.parametrize("kind", ["data", "record"])
 def test_what_does_not_hold_what_its_name_says_is_not_believed_and_can_be_put_again(store: Store, tmp_path: Path, kind: str, ruin) -> None:
-    for path in list(store.folder.iterdir()):
+    for path in list((store.folder / "3").iterdir()):
         if (path.suffix == ".json") == (kind == "record"):
             path.write_bytes(ruin(path.read_bytes()))
-    assert not (store.records() and store.fetch(RECORD, tmp_path / "taken"))
+    assert store.record(CHUNK) is None
+    assert kind == "record" or not store.fetch(CHUNK, RECORD, tmp_path / "taken")
     store.put(CHUNK, RECORD, made(tmp_path / "again"))
-    assert store.records() == {CHUNK: [RECORD]}
-    assert store.fetch(RECORD, tmp_path / "taken")
+    assert store.record(CHUNK) == RECORD
+    assert store.fetch(CHUNK, RECORD, tmp_path / "taken")
 
 
 def test_a_file_that_another_is_writing_is_not_cut_short(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rsvideo.batch.store._holds", lambda *_: False)  # as while the other has not come to its end
-    with next(path for path in store.folder.iterdir() if path.suffix != ".json" and path.stat().st_size > 100).open("rb") as reader:
+    with next(path for path in (store.folder / "3").iterdir() if path.suffix != ".json" and path.stat().st_size > 100).open("rb") as reader:
         begin = reader.read(10)
         reads = []
         monkeypatch.setattr(
@@ -86,10 +87,10 @@ def _pieces(path: Path, between):
 def test_a_record_that_names_a_file_elsewhere_is_not_followed(store: Store, tmp_path: Path, name: str) -> None:
     digest = hashlib.sha256(DATA["000003.jsonl"]).hexdigest()
     hostile = ChunkRecord(pictures=name, frames=name, sha256={name: digest}).model_dump_json()
-    assert not store.fetch(hostile, tmp_path / "taken")
+    assert not store.fetch(CHUNK, hostile, tmp_path / "taken")
     assert not (tmp_path / "taken").exists()
     for digest in ("../" + "0" * 61, "x"):
-        assert not store.fetch(ChunkRecord(pictures="a", frames="a", sha256={"a": digest}).model_dump_json(), tmp_path / "taken")
+        assert not store.fetch(CHUNK, ChunkRecord(pictures="a", frames="a", sha256={"a": digest}).model_dump_json(), tmp_path / "taken")
 
 
 def test_who_comes_too_late_leaves_nothing_behind(store: Store, tmp_path: Path) -> None:
@@ -98,4 +99,4 @@ def test_who_comes_too_late_leaves_nothing_behind(store: Store, tmp_path: Path) 
     with pytest.raises(FileNotFoundError):
         store.put(CHUNK, RECORD, tmp_path / "made")
     assert not in_use(tmp_path / "job")
-    assert store.records() == {}
+    assert store.record(CHUNK) is None
