@@ -207,8 +207,11 @@ def _killed_until_done(folder: Path, job: Path, mishaps: Row, chance: random.Ran
         nannies = [machines.worker(**mishaps) for _ in range(2)]
         machines.await_workers(2)
         line = [sys.executable, str(STAND_IN), "run", str(job), "--scheduler", machines.address]
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        command = subprocess.Popen(line, env=environment({}), **quiet)
+
+        def start() -> subprocess.Popen[bytes]:
+            return subprocess.Popen(line, env=environment({}), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+        command = start()
         while True:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 code = command.wait(timeout=2 + 8 * chance.random())
@@ -222,7 +225,7 @@ def _killed_until_done(folder: Path, job: Path, mishaps: Row, chance: random.Ran
             if target == "coordinator":
                 command.kill()
                 command.wait()
-                command = subprocess.Popen(line, env=environment({}), **quiet)
+                command = start()
             elif target == "nanny":
                 nanny.kill()
                 nanny.wait()

@@ -77,6 +77,7 @@ def test_missing_chunks_are_named_in_one_line_and_complete_clips_are_finished(jo
     assert tally.read_text().count("\n") == 5  # what a store holds, and what is finished, is not restored again
 
 
+@pytest.mark.long
 def test_a_run_goes_on_from_what_a_farm_has_restored(job: Path, whole: jobs.Files) -> None:
     assert work(job, "2-5").returncode == 0
     assert call("run", job, "--dry-run").returncode == 0
@@ -88,6 +89,7 @@ def test_a_run_goes_on_from_what_a_farm_has_restored(job: Path, whole: jobs.File
     assert tally.read_text().count("\n") == jobs.CHUNKS - 4
 
 
+@pytest.mark.long
 def test_workers_that_are_killed_or_find_the_disk_full_leave_nothing_half_done(job: Path, whole: jobs.Files) -> None:
     tally = job.with_name("tally")
     with under_way("work", job, "--chunks", ALL, PACE=0.01, TALLY=tally) as working:
@@ -199,6 +201,7 @@ def test_the_slurm_script_restores_the_chunk_of_its_task(tmp_path: Path, job: Pa
     assert "0-8,10-11" in call("finish", job).stderr.splitlines()[-1]
 
 
+@pytest.mark.long
 def test_the_openjd_template_restores_and_finishes_a_job(tmp_path: Path, job: Path, whole: jobs.Files) -> None:
     words = ["--step", "Finish", "--run-dependencies", "-p", f"Job={job}", "-p", f"Last={jobs.CHUNKS - 1}", "-p", "AtOnce=12"]
     openjd = [str(Path(sys.executable).with_name("openjd")), "run", str(FARMS / "openjd.yaml"), *words]
