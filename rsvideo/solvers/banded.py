@@ -12,6 +12,7 @@ from jaxtyping import Complex, Float
 from numba import njit, prange
 
 LANES = 16
+_FAST = {"nnan", "ninf", "nsz"}  # nothing that moves a rounding: a cached loop would differ there from one that is compiled just now
 
 
 def blocks(frequencies: int) -> int:
@@ -20,7 +21,7 @@ def blocks(frequencies: int) -> int:
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
+@njit(cache=True, fastmath=_FAST, parallel=True)
 def _factor(re, im):
     """In place: upper Cholesky factor R of N = R^H R for every lane. Arrays (blocks, rows, width, LANES)."""
     count, rows, width, _ = re.shape
@@ -48,7 +49,7 @@ def _factor(re, im):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
+@njit(cache=True, fastmath=_FAST, parallel=True)
 def _solve(re, im, x):
     """In place: x <- (R^H R)^-1 x; x is (rows, frequencies, 2)."""
     count, rows, width, _ = re.shape

@@ -1,5 +1,9 @@
 """Batches of banded systems agree with the same systems written out."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -69,3 +73,24 @@ def test_lanes_beyond_the_batch_can_be_factored():
     factor = total.factor()
     assert np.isfinite(factor.re).all()
     np.testing.assert_allclose(factor.solve(np.ones((ROWS, FREQUENCIES), np.complex64)), 0.5, rtol=1e-6)
+
+
+SOLVED = """
+import hashlib, numpy as np
+from rsvideo.solvers.banded import BandedHermitian, blocks
+rng = np.random.default_rng(0)
+band = 0.1 * rng.standard_normal((2, blocks(40), 60, 9, 16), dtype=np.float32)
+band[0, :, :, 0] += 6
+band[1, :, :, 0] = 0
+solved = BandedHermitian(re=band[0], im=band[1], frequencies=40).factor().solve(rng.standard_normal((60, 40)))
+print(hashlib.sha256(solved.tobytes()).hexdigest())
+"""
+
+
+def test_loops_that_are_compiled_just_now_give_the_bits_that_cached_ones_give(tmp_path):
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    compiled, cached = (
+        subprocess.run([sys.executable, "-c", SOLVED], env=env, capture_output=True, text=True, timeout=120, check=True).stdout
+        for _ in range(2)
+    )
+    assert compiled == cached
