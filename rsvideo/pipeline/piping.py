@@ -22,6 +22,8 @@ def check(request: Request) -> None:
     if not (source or output):
         if stated := next((each for each in request.of_clips() if each.section == "pipe" and request.is_clip), None):
             raise ValueError(f"{stated.flag} concerns pipes, neither INPUT nor OUTPUT is -")
+        if request.motion_only and request.encoding.pixel_format != "same":
+            raise ValueError(f"--pixel-format concerns a pipe of bare pixels, {request.source} states its own")
         return
     if source:
         _check_source(request)

@@ -114,6 +114,7 @@ def test_a_track_is_of_one_clip_with_one_shutter(rsvideo: Run, source: Path, mot
         ("drift", {"points_px": [[80.0, 48.0]], "weights_px_s": [[1e9, 0.0]], "length_px": 20.0}, "drift by"),
         ("drift", {"points_px": [[80.0, 48.0]], "weights_px_s": [], "length_px": 20.0}, "equally long"),
         ("share", 2.0, "less than or equal to 1"),
+        ("certainty", -1.0, "greater than or equal to 0"),
     ],
 )
 def test_a_strangers_track_is_bounded(
@@ -144,6 +145,11 @@ def test_a_track_that_cannot_be_is_refused(
     (tmp_path / "there.json").write_text("older")
     one_line(rsvideo("track", photograph.with_name(name), "-o", tmp_path / output), code, words)
     assert (tmp_path / "there.json").read_text() == "older"
+
+
+def test_the_layout_of_bare_pixels_is_refused_of_a_file(rsvideo: Run, tmp_path: Path) -> None:
+    clip = make(tmp_path / "in.mkv")
+    one_line(rsvideo("track", clip, "-o", tmp_path / "a.json", "--pixel-format", "yuv420p"), 2, "--pixel-format", "states its own")
 
 
 def test_what_a_clip_shows_of_its_shutter_goes_into_its_track(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
