@@ -31,8 +31,8 @@ _LATER = (
     "rsvideo.batch",
     "rsvideo.comparison",
     "rsvideo.cli",
-    "rsvideo.vs",
-)  # stand-ins replace parts of them before they are imported; the last needs an extra
+)  # stand-ins replace parts of them before they are imported
+_NEEDS_EXTRA = ("rsvideo.vs",)
 _WITHIN_FUNCTIONS = (
     "av",
     "matplotlib.figure",
@@ -104,7 +104,7 @@ def import_libraries(*, but: tuple[str, ...] = ()) -> None:
     """Import the project, but for some rooms, and the libraries that its functions import."""
     for package in ("rsvideo", "calibration"):
         for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-            if not module.name.startswith(but) and not module.name.endswith("__main__"):
+            if not module.name.startswith(but + _NEEDS_EXTRA) and not module.name.endswith("__main__"):
                 importlib.import_module(module.name)
     for name in _WITHIN_FUNCTIONS:
         importlib.import_module(name)
