@@ -53,11 +53,11 @@ class Store:
 
     def put(self, chunk: Chunk, record: str, made_in: Path) -> None:
         """Copy a chunk's files into the store, and then its record (JSON); raises OSError."""
-        folder = self._of(chunk)
+        kept, folder = _Kept(chunk=chunk, record=ChunkRecord.model_validate_json(record)), self._of(chunk)
         folder.mkdir(exist_ok=True)
-        for name, digest in ChunkRecord.model_validate_json(record).sha256.items():
+        for name, digest in kept.record.sha256.items():
             _write(folder / digest, digest, _blocks(made_in / name))
-        text = _Kept(chunk=chunk, record=ChunkRecord.model_validate_json(record)).model_dump_json().encode()
+        text = kept.model_dump_json().encode()
         digest = hashlib.sha256(text).hexdigest()
         _write(folder / f"{digest}.json", digest, [text])
 
