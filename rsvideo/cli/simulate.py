@@ -200,6 +200,7 @@ def _optics(
 def _staged(
     photo: "Still", motion: "Motion", optics: _Optics, exposure: str, size: str | None, *, roll: bool, blur: float | None
 ) -> "Stage":
+    from rsvideo.config import quantity
     from rsvideo.config.quantity import hand_held, seconds
     from rsvideo.physics.staging import stage
 
@@ -212,7 +213,7 @@ def _staged(
         readout=optics.readout,
         row_time=optics.row_time,
         direction=optics.direction,
-        frame=_rows_cols(size) if size else None,
+        frame=quantity.size(size, like="640x400")[::-1] if size else None,
         roll=roll,
         blur=blur,
     )
@@ -341,13 +342,6 @@ def _yaml_terms(path: Path) -> dict[str, list[float]]:
         if isinstance(error, UnreadableError):
             raise
         raise UnreadableError(form) from error
-
-
-def _rows_cols(text: str) -> tuple[int, int]:
-    cols, _, rows = text.lower().partition("x")
-    if not (cols.isdecimal() and rows.isdecimal() and len(text) < 20):
-        raise ValueError(f"size must read like 640x400 (columns x rows), got {text!r}")
-    return int(rows), int(cols)
 
 
 def _blank(depth: "np.dtype", bits: str | None) -> "np.ndarray":
