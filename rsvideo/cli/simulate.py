@@ -204,6 +204,7 @@ def _staged(
     from rsvideo.config.quantity import hand_held, seconds
     from rsvideo.physics.staging import stage
 
+    cols, rows = quantity.size(size, like="640x400") if size else (0, 0)
     return stage(
         *photo.pixels.shape[:2],
         motion=motion,
@@ -213,7 +214,7 @@ def _staged(
         readout=optics.readout,
         row_time=optics.row_time,
         direction=optics.direction,
-        frame=quantity.size(size, like="640x400")[::-1] if size else None,
+        frame=(rows, cols) if size else None,
         roll=roll,
         blur=blur,
     )
