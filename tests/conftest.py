@@ -10,7 +10,6 @@ import pytest
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # compiled loops of two tests at a time, or of a test and its command
 # as the command has it: threads of two tests at a time would spin and starve each other; numpy reads these once, when it is imported
 os.environ |= {name: os.environ.get(name, "1") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 

@@ -8,7 +8,6 @@ uniform kernel, which is found coarse to fine.
 """
 
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -16,8 +15,8 @@ import numpy as np
 import scipy.ndimage
 import scipy.sparse
 from jaxtyping import Float
-from numba import get_num_threads
 
+from rsvideo import threads
 from rsvideo.baselines import uniform
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics import tiles
@@ -92,15 +91,14 @@ def estimate(scene: Scene, full: float, kernel: Float[np.ndarray, "k k"]) -> Den
     weights = np.zeros((2 * ROLL_REACH + 1, *kernel.shape), np.float32)
     weights[ROLL_REACH] = kernel
     start = Density(weights=weights, roll_step=ROLL_STEP / float(np.hypot(lens.cols, lens.rows) / 2))
-    with ThreadPoolExecutor(get_num_threads()) as pool:
-        density = refined(_resized(scene.frame, full), lens, start, pool)
+    density = refined(_resized(scene.frame, full), lens, start)
     return resampled(density, 1 / full, 1.0, 1) if full < 1 else density
 
 
-def refined(image: Float[np.ndarray, "rows cols"], lens: Intrinsics, density: Density, pool: ThreadPoolExecutor) -> Density:
+def refined(image: Float[np.ndarray, "rows cols"], lens: Intrinsics, density: Density) -> Density:
     """The density after some alternations with the patches' sharp gradients."""
     patches = _patches(lens, density)
-    observations = list(pool.map(lambda p: observation(np.ascontiguousarray(image[p.rows, p.cols]), p.size), patches))
+    observations = threads.each(lambda p: observation(np.ascontiguousarray(image[p.rows, p.cols]), p.size), patches)
     steps, fall = DENSITY.finest_steps, DENSITY.last_sparsity / DENSITY.sparsity
     for step in range(steps):
         share = DENSITY.sparsity * fall ** ((step + 1) / steps)
@@ -115,7 +113,7 @@ def refined(image: Float[np.ndarray, "rows cols"], lens: Intrinsics, density: De
             A, c, zero = correlations(observed.gradients, edges, patch.size)
             return B.T @ (B.T @ A).T, B.T @ c, zero  # A is symmetric
 
-        parts = list(pool.map(system, zip(patches, observations, maps, strict=True)))
+        parts = threads.each(system, zip(patches, observations, maps, strict=True))
         Q, c, zero = sum(p[0] for p in parts), sum(p[1] for p in parts), sum(p[2] for p in parts)
         Q, c = np.asarray(Q, np.float32) / np.float32(zero), np.asarray(c, np.float32) / np.float32(zero)
         Q[np.diag_indices(len(Q))] += DENSITY.ridge

@@ -5,7 +5,6 @@ place of its latent image open, so neighbours are moved onto each other; that un
 """
 
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -13,8 +12,8 @@ import cv2
 import numpy as np
 import scipy.ndimage
 from jaxtyping import Float
-from numba import get_num_threads
 
+from rsvideo import threads
 from rsvideo.baselines import uniform
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.luminance import luminance
@@ -79,8 +78,7 @@ def with_kernels(scene: Scene, spans: list[tuple[int, int]]) -> list[Block]:
     power = [gradient_power(image) for image in images]
     floor = min(scene.least_texture, max(power))
     rich = [i for i, p in enumerate(power) if p >= floor]
-    with ThreadPoolExecutor(get_num_threads()) as pool:
-        kernels = dict(zip(rich, pool.map(lambda i: fitted(images[i], uniform.SIZES, uniform.KERNELS), rich), strict=True))
+    kernels = dict(zip(rich, threads.each(lambda i: fitted(images[i], uniform.SIZES, uniform.KERNELS), rich), strict=True))
     nearest = [min(rich, key=lambda i, b=b: abs(i - b)) for b in range(len(spans))]
     return [Block(first=first, last=last, kernel=kernels[i]) for (first, last), i in zip(spans, nearest, strict=True)]
 

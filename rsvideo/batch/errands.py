@@ -17,7 +17,7 @@ from pathlib import Path
 
 from rsvideo.batch import farm
 from rsvideo.batch.workers import Crew, Failed, Restore
-from rsvideo.pipeline import processes
+from rsvideo.threads import cores
 
 
 def answered(text: bytes) -> str | Failed:
@@ -31,7 +31,7 @@ def answered(text: bytes) -> str | Failed:
 
 def main() -> None:
     """Carry orders out until there is nobody left to give one."""
-    threads, quiet = min(int(sys.argv[1]), processes.cores()), "quiet" in sys.argv[2:]
+    threads, quiet = min(int(sys.argv[1]), cores()), "quiet" in sys.argv[2:]
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # nothing else gets in between the answers
     orders: queue.SimpleQueue[Restore] = queue.SimpleQueue()

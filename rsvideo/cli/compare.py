@@ -1,6 +1,5 @@
 """rsvideo compare: several methods on one input, a job's sources or a folder of cases, and who wins."""
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -82,7 +81,6 @@ def compare(
 
     Exit codes: 0 all done; 1 a method failed; 2 the request is wrong; 3 an input is damaged or missing; 4 a report exists.
     """
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     with refusing():
         wanted = _Wanted(
             methods=None if methods is None else _methods(methods), truth=truth, crops=[_crop(text) for text in crop or ()], given=given

@@ -93,10 +93,11 @@ def sections(given: Given) -> "Sections":
 
 
 def use_threads(threads: int | None) -> None:
-    """Let the compiled kernels use so many; before they are first imported, since they read it then."""
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other on a busy machine
+    """Let the compiled kernels use so many; before they are first called, since it is read then."""
+    from rsvideo.threads import VARIABLE
+
     if threads:
-        os.environ["NUMBA_NUM_THREADS"] = str(threads)
+        os.environ[VARIABLE] = str(threads)
 
 
 def flag(key: str) -> str:

@@ -20,9 +20,9 @@ from rsvideo.comparison.measuring import Measuring
 from rsvideo.comparison.method_run import MethodRun
 from rsvideo.comparison.preflight import Box
 from rsvideo.config.request import Request
-from rsvideo.pipeline import processes
 from rsvideo.progress import Observer, Progress
 from rsvideo.report.comparison import Comparison, Crop, Entry, FrameMeasures
+from rsvideo.threads import cores
 from rsvideo.video.mosaic import Grid, Mosaic
 
 _VIDEO_BYTES = 4_500_000  # of a page, before they become text
@@ -63,7 +63,7 @@ def compared(request: Request, runs: Sequence[MethodRun], *, truth: Path | None,
     count, scale = source.last - source.first, key_frames.scale(source.rows, source.cols)
     wanted = key_frames.chosen(count, len(entries), source.rows * source.cols * scale**2)
     video = _Video(entries, source)
-    with ThreadPoolExecutor(processes.cores()) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         measured, album = Measuring(entries, pool), Album(len(wanted), scale, pool)
         for n, (index, pictures) in enumerate(entry_pictures.lined_up(entries, source)):
             observe(Progress(stage=f"measuring frame {index}", fraction=n / count))

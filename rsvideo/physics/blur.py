@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import no_type_check
 
-import numba
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit, prange
+from numba import njit
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
@@ -18,6 +17,7 @@ from rsvideo.physics.rotation import cross, left_jacobian
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.physics.warp import taps
+from rsvideo.threads import loop, most, spread
 
 SAMPLES = 30  # K of Eq. (3); the paper's (Sec. 5)
 PARTS = 8  # private copies of the latent image, at most, into which threads scatter
@@ -89,9 +89,9 @@ class BlurOperator:
         L = self._scanlines(latent)
         out = np.zeros((self.timing.rows, self._along), latent.dtype)
         if self.is_shift:
-            _shift_forward(L, *self._taps(latent.dtype), out)
+            spread(_shift_forward, len(out), L, *self._taps(latent.dtype), out)
         else:
-            _turn_forward(L, self._maps, self._ideal, packed(self._camera), *self._scan_margin, out)
+            spread(_turn_forward, len(out), L, self._maps, self._ideal, packed(self._camera), *self._scan_margin, out)
         return self._image(out)
 
     def adjoint(self, frame: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows latent_cols"]:
@@ -101,10 +101,10 @@ class BlurOperator:
         shape = (self.timing.rows + 2 * top, self._along + 2 * left)
         if self.is_shift:
             out = np.zeros(shape, frame.dtype)
-            _shift_adjoint(b, *self._taps(frame.dtype), out)
+            spread(_shift_adjoint, len(out), b, *self._taps(frame.dtype), out)
             return self._image(out)
-        parts = np.zeros((min(PARTS, numba.get_num_threads()), *shape), frame.dtype)
-        _turn_adjoint(b, self._maps, self._ideal, packed(self._camera), top, left, parts)
+        parts = np.zeros((min(PARTS, most()), *shape), frame.dtype)
+        spread(_turn_adjoint, len(parts), b, self._maps, self._ideal, packed(self._camera), top, left, parts)
         return self._image(parts.sum(axis=0))
 
     def jacobian(self, latent: Float[np.ndarray, "latent_rows latent_cols"]) -> Float[np.ndarray, "terms axes rows cols"]:
@@ -114,11 +114,12 @@ class BlurOperator:
         axes = 2 if self.is_shift else 3
         out = np.zeros((J_p.shape[-1], axes, self.timing.rows, self._along), latent.dtype)
         if self.is_shift:
-            _shift_jacobian(L, *self._taps(latent.dtype), J_p, out)
+            spread(_shift_jacobian, self.timing.rows, L, *self._taps(latent.dtype), J_p, out)
             P = self.timing.direction.pose_from_scanlines[:2, :2].astype(latent.dtype)
             out = np.einsum("as,tsij->taij", P, out)
         else:
-            _turn_jacobian(L, self._maps, self._map_derivatives, self._ideal, packed(self._camera), J_p, *self._scan_margin, out)
+            how = self._maps, self._map_derivatives, self._ideal, packed(self._camera), J_p, *self._scan_margin
+            spread(_turn_jacobian, self.timing.rows, L, *how, out)
         return np.ascontiguousarray(np.array([[self.timing.direction.image(part) for part in term] for term in out]))
 
     def psf(self, row: int, col: int) -> Float[np.ndarray, "k k"]:
@@ -232,13 +233,13 @@ def _span(col, along, cols):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _shift_forward(L, row, row_weights, col, col_weights, out):
+@loop()
+def _shift_forward(first, last, L, row, row_weights, col, col_weights, out):
     rows, cols = L.shape
-    lines, samples = row.shape
+    samples = row.shape[1]
     along = out.shape[1]
     share = out.dtype.type(1) / out.dtype.type(samples)
-    for i in prange(lines):
+    for i in range(first, last):
         for k in range(samples):
             for m in range(2):
                 r = row[i, k] + m
@@ -252,9 +253,9 @@ def _shift_forward(L, row, row_weights, col, col_weights, out):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _shift_adjoint(b, row, row_weights, col, col_weights, out):
-    rows, cols = out.shape
+@loop()
+def _shift_adjoint(first, last, b, row, row_weights, col, col_weights, out):
+    cols = out.shape[1]
     lines, samples = row.shape
     along = b.shape[1]
     share = b.dtype.type(1) / b.dtype.type(samples)
@@ -263,7 +264,7 @@ def _shift_adjoint(b, row, row_weights, col, col_weights, out):
     for i in range(lines):
         lowest[i] = row[i].min()
         highest[i] = row[i].max() + 1
-    for r in prange(rows):  # gathers, so that no two threads write one row
+    for r in range(first, last):  # gathers, so that no two threads write one row
         for i in range(lines):
             if lowest[i] <= r <= highest[i]:
                 for k in range(samples):
@@ -278,14 +279,14 @@ def _shift_adjoint(b, row, row_weights, col, col_weights, out):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _shift_jacobian(L, row, row_weights, col, col_weights, J_p, out):
+@loop()
+def _shift_jacobian(first, last, L, row, row_weights, col, col_weights, J_p, out):
     """out[p, (along, across), i, j]: the slopes of the bilinear cell under each sample, times the basis."""
     rows, cols = L.shape
-    lines, samples = row.shape
+    samples = row.shape[1]
     terms, along = out.shape[0], out.shape[3]
     share = out.dtype.type(1) / out.dtype.type(samples)
-    for i in prange(lines):
+    for i in range(first, last):
         slope = np.zeros((2, along), out.dtype)
         for k in range(samples):
             slope[:] = 0
@@ -315,12 +316,11 @@ def _mapped(H, x, y):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _turn_forward(L, maps, ideal, lens, top, left, out):
+@loop()
+def _turn_forward(first, last, L, maps, ideal, lens, top, left, out):
     rows, cols = L.shape
-    lines, along = out.shape
-    samples = maps.shape[1]
-    for i in prange(lines):
+    along, samples = out.shape[1], maps.shape[1]
+    for i in range(first, last):
         for j in range(along):
             total = 0.0
             for k in range(samples):
@@ -337,12 +337,12 @@ def _turn_forward(L, maps, ideal, lens, top, left, out):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _turn_adjoint(frame, maps, ideal, lens, top, left, parts):
+@loop()
+def _turn_adjoint(first, last, frame, maps, ideal, lens, top, left, parts):
     count, rows, cols = parts.shape
     lines, along = frame.shape
     samples = maps.shape[1]
-    for part in prange(count):
+    for part in range(first, last):
         for i in range(part * lines // count, (part + 1) * lines // count):
             for j in range(along):
                 value = frame[i, j] / samples
@@ -359,12 +359,12 @@ def _turn_adjoint(frame, maps, ideal, lens, top, left, parts):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _turn_jacobian(L, maps, derivatives, ideal, lens, J_p, top, left, out):
+@loop()
+def _turn_jacobian(first, last, L, maps, derivatives, ideal, lens, J_p, top, left, out):
     rows, cols = L.shape
-    terms, _, lines, along = out.shape
+    terms, _, _, along = out.shape
     samples = maps.shape[1]
-    for i in prange(lines):
+    for i in range(first, last):
         total = np.zeros((terms, 3))
         for j in range(along):
             total[:] = 0

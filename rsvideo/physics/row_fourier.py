@@ -13,21 +13,19 @@ from typing import no_type_check
 import numpy as np
 import scipy.fft
 from jaxtyping import Complex, Float, Int
-from numba import njit, prange
 
 from rsvideo.physics.warp import TAPS, taps
+from rsvideo.threads import loop, spread
 
 _LANES = 16  # frequencies side by side, as in solvers.banded
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _symbol(dx, share, first, weights, width, period, count):
+@loop()
+def _symbol(first, last, dx, share, lowest, weights, period, re, im):
     """A_f(i, base_i + o) in (blocks, rows, width, lanes), real and imaginary."""
-    rows, samples = dx.shape
-    re = np.zeros((count, rows, width, _LANES), np.float32)
-    im = np.zeros((count, rows, width, _LANES), np.float32)
-    for i in prange(rows):
+    count, samples = len(re), dx.shape[1]
+    for i in range(first, last):
         zr = np.empty(_LANES, np.float32)
         zi = np.empty(_LANES, np.float32)
         for k in range(samples):
@@ -39,45 +37,45 @@ def _symbol(dx, share, first, weights, width, period, count):
                 sr = np.float32(np.cos(angle * c * _LANES))
                 si = np.float32(np.sin(angle * c * _LANES))
                 for t in range(weights.shape[2]):
-                    o = first[i, k] + t
+                    o = lowest[i, k] + t
                     w = weights[i, k, t]
                     for b in range(_LANES):
                         re[c, i, o, b] += w * (zr[b] * sr - zi[b] * si)
                         im[c, i, o, b] += w * (zr[b] * si + zi[b] * sr)
-    return re, im
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _apply(re, im, base, x, out):
+@loop()
+def _apply(first, last, re, im, base, x, out):
     """out[i] = sum_o A[i, o] x[base_i + o]; x (latent rows, f, 2), out (rows, f, 2)."""
-    count, rows, width, _ = re.shape
+    count, _, width, _ = re.shape
     frequencies = x.shape[1]
-    for i in prange(rows):
+    ar = np.empty(_LANES, np.float32)
+    ai = np.empty(_LANES, np.float32)
+    for i in range(first, last):
         for c in range(count):
-            live = min(_LANES, frequencies - c * _LANES)
             f0 = c * _LANES
-            ar = np.zeros(_LANES, np.float32)
-            ai = np.zeros(_LANES, np.float32)
+            live = min(_LANES, frequencies - f0)
+            ar[:] = 0
+            ai[:] = 0
+            r, m = re[c, i], im[c, i]
             for o in range(width):
-                j = base[i] + o
+                z = x[base[i] + o, f0 : f0 + live]
                 for b in range(live):
-                    xr = x[j, f0 + b, 0]
-                    xi = x[j, f0 + b, 1]
-                    ar[b] += re[c, i, o, b] * xr - im[c, i, o, b] * xi
-                    ai[b] += re[c, i, o, b] * xi + im[c, i, o, b] * xr
+                    ar[b] += r[o, b] * z[b, 0] - m[o, b] * z[b, 1]
+                    ai[b] += r[o, b] * z[b, 1] + m[o, b] * z[b, 0]
             for b in range(live):
                 out[i, f0 + b, 0] = ar[b]
                 out[i, f0 + b, 1] = ai[b]
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _apply_adjoint(re, im, base, y, out):
+@loop()
+def _apply_adjoint(first, last, re, im, base, y, out):
     """out[base_i + o] += conj(A[i, o]) y[i]."""
-    count, rows, width, _ = re.shape
+    _, rows, width, _ = re.shape
     frequencies = y.shape[1]
-    for c in prange(count):
+    for c in range(first, last):
         live = min(_LANES, frequencies - c * _LANES)
         f0 = c * _LANES
         yr = np.empty(_LANES, np.float32)
@@ -94,28 +92,23 @@ def _apply_adjoint(re, im, base, y, out):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _gram(re, im, base, latent_rows):
+@loop()
+def _gram(first, last, re, im, base, gr, gi):
     """The upper band of A^H A, (blocks, latent rows, width, lanes)."""
-    count, rows, width, _ = re.shape
-    gr = np.zeros((count, latent_rows, width, _LANES), np.float32)
-    gi = np.zeros((count, latent_rows, width, _LANES), np.float32)
-    for c in prange(count):
-        pr = np.empty(_LANES, np.float32)
-        pi = np.empty(_LANES, np.float32)
+    _, rows, width, _ = re.shape
+    r = np.empty((width, _LANES), np.float32)
+    m = np.empty((width, _LANES), np.float32)
+    for c in range(first, last):
         for i in range(rows):
-            for p in range(width):
-                j = base[i] + p
+            for o in range(width):
                 for b in range(_LANES):
-                    pr[b] = re[c, i, p, b]
-                    pi[b] = im[c, i, p, b]
+                    r[o, b], m[o, b] = re[c, i, o, b], im[c, i, o, b]
+            for p in range(width):
+                to_re, to_im = gr[c, base[i] + p], gi[c, base[i] + p]
                 for o in range(width - p):
                     for b in range(_LANES):
-                        xr = re[c, i, p + o, b]
-                        xi = im[c, i, p + o, b]
-                        gr[c, j, o, b] += pr[b] * xr + pi[b] * xi
-                        gi[c, j, o, b] += pr[b] * xi - pi[b] * xr
-    return gr, gi
+                        to_re[o, b] += r[p, b] * r[p + o, b] + m[p, b] * m[p + o, b]
+                        to_im[o, b] += r[p, b] * m[p + o, b] - m[p, b] * r[p + o, b]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,19 +150,22 @@ class RowFourier:
         """K l, spectrum to spectrum."""
         out = np.empty((self.rows, self.frequencies), np.complex64)
         x = np.ascontiguousarray(latent, np.complex64)
-        _apply(self.re, self.im, self.base, _parts(x), _parts(out))
+        spread(_apply, self.rows, self.re, self.im, self.base, _parts(x), _parts(out))
         return out
 
     def adjoint(self, frame: Complex[np.ndarray, "rows frequencies"]) -> Complex[np.ndarray, "latent_rows frequencies"]:
         """K^H b, spectrum to spectrum."""
         out = np.zeros((self.latent_rows, self.frequencies), np.complex64)
         y = np.ascontiguousarray(frame, np.complex64)
-        _apply_adjoint(self.re, self.im, self.base, _parts(y), _parts(out))
+        spread(_apply_adjoint, len(self.re), self.re, self.im, self.base, _parts(y), _parts(out))
         return out
 
     def gram(self) -> tuple[Float[np.ndarray, "blocks latent_rows width lanes"], Float[np.ndarray, "blocks latent_rows width lanes"]]:
         """The upper bands of A^H A, real and imaginary, as solvers.banded stores them."""
-        return _gram(self.re, self.im, self.base, self.latent_rows)
+        count, _, width, lanes = self.re.shape
+        re, im = (np.zeros((count, self.latent_rows, width, lanes), np.float32) for _ in range(2))
+        spread(_gram, count, self.re, self.im, self.base, re, im)
+        return re, im
 
 
 def _parts(x: np.ndarray) -> np.ndarray:
@@ -202,6 +198,7 @@ def row_fourier(
     count = -(-(period // 2 + 1) // _LANES)
     first = (index - index.min(axis=1, keepdims=True)).astype(np.int64)
     dx, share = (np.ascontiguousarray(each, dtype=float) for each in (dx, share))  # in one order, or each is compiled for
-    re, im = _symbol(dx, share, first, across.astype(np.float32), width, float(period), count)
+    re, im = (np.zeros((count, rows, width, _LANES), np.float32) for _ in range(2))
+    spread(_symbol, rows, dx, share, first, across.astype(np.float32), float(period), re, im)
     latent_rows = max(int(base.max()) + width, rows + top) + margin
     return RowFourier(rows=rows, cols=cols, top=top, latent_rows=latent_rows, left=left, period=period, base=base, re=re, im=im)

@@ -12,12 +12,12 @@ from typing import no_type_check
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int
-from numba import njit, prange
 
 from rsvideo.physics import tone
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.resampling import add_sample
 from rsvideo.physics.tone import Transfer
+from rsvideo.threads import loop, spread
 
 SMALLEST = 16  # px of rows and columns, of which the flow can be found
 STEP = 0.5  # px of motion from one time sample to the next, at most; farther apart they show as a comb
@@ -76,15 +76,17 @@ class SceneBetween:
         """The mean light of each pixel from the u at which its scanline opens to the u at which it closes; 0 where it closes earlier."""
         samples = np.ceil((closes - opens) * self.largest_motion / STEP).clip(1, _MOST_SAMPLES).astype(np.intp)
         samples[closes < opens] = 0
-        return _means(self.before, self.after, self.forward, self.backward, opens, closes, samples, scanline)
+        result = np.empty(self.before.shape, np.float32)
+        scene = self.before, self.after, self.forward, self.backward
+        spread(_means, len(result), *scene, opens, closes, samples, scanline, result)
+        return result
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
-def _means(before, after, forward, backward, opens, closes, samples, scanline):
+@loop(fastmath=False)
+def _means(first, last, before, after, forward, backward, opens, closes, samples, scanline, result):
     rows, cols, channels = before.shape
-    result = np.zeros((rows, cols, channels), np.float32)
-    for y in prange(rows):
+    for y in range(first, last):
         total = np.empty(channels)
         for x in range(cols):
             total[:] = 0.0
@@ -106,4 +108,3 @@ def _means(before, after, forward, backward, opens, closes, samples, scanline):
                     add_sample(total, after, x1, y1, part)
             for q in range(channels):
                 result[y, x, q] = max(total[q] / n, 0.0) if n else 0.0
-    return result

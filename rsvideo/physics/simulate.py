@@ -11,7 +11,6 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float, Float32
-from numba import njit, prange
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
@@ -22,6 +21,7 @@ from rsvideo.physics.resampling import add_sample
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
+from rsvideo.threads import loop, spread
 
 BAND = 32  # scanlines rendered between two reports of progress, and before an interrupt stops the work; origin: by trial
 SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
@@ -163,19 +163,19 @@ def _sampled_through(
     lens, bands = packed(camera), []
     for start in range(0, len(x), BAND):
         band = slice(start, start + BAND)
-        bands.append(_mean_of_samples(scene, x[band], y[band], maps[band], lens, left, top))
+        mean = np.empty((*x[band].shape, scene.shape[2]))
+        spread(_mean_of_samples, len(mean), scene, x[band], y[band], maps[band], lens, left, top, mean)
+        bands.append(mean)
         observe(Progress(stage="rendering", fraction=min(start + BAND, len(x)) / len(x)))
     return np.concatenate(bands)
 
 
 @no_type_check
-@njit(cache=True, parallel=True)
-def _mean_of_samples(scene, x, y, maps, lens, left, top):
+@loop(fastmath=False)
+def _mean_of_samples(first, last, scene, x, y, maps, lens, left, top, result):
     channels = scene.shape[2]
-    lines, along = x.shape
-    samples = maps.shape[1]
-    result = np.zeros((lines, along, channels))
-    for i in prange(lines):
+    along, samples = x.shape[1], maps.shape[1]
+    for i in range(first, last):
         total = np.empty(channels)
         for j in range(along):
             total[:] = 0.0
@@ -188,4 +188,3 @@ def _mean_of_samples(scene, x, y, maps, lens, left, top):
                 add_sample(total, scene, u + left, v + top, 1.0)
             for q in range(channels):
                 result[i, j, q] = total[q] / samples
-    return result

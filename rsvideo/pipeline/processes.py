@@ -13,21 +13,17 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from rsvideo.config.placing import SIGNALS
+from rsvideo.threads import VARIABLE, cores
 
-_ONE_EACH = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # threads of libraries would multiply with numba's
+_ONE_EACH = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # threads of libraries would multiply with ours
 
 _SAFE_PATH = {"PYTHONSAFEPATH": "1"}  # no module is taken from the current folder, where anything may lie
 GRACE = 5  # seconds in which a process that has no more to do may end by itself
 
 
-def cores() -> int:
-    """How many the system lets us use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def threads(most: int) -> int:
     """For each of `most` processes: its share of the cores, or what the caller has chosen, if that is less."""
-    share, chosen = max(1, cores() // most), os.environ.get("NUMBA_NUM_THREADS", "")
+    share, chosen = max(1, cores() // most), os.environ.get(VARIABLE, "")
     return min(share, max(1, int(chosen))) if chosen.isdecimal() else share
 
 
@@ -37,9 +33,8 @@ def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool)
     ours, theirs = spawn.Pipe()
     process = spawn.Process(target=_live, args=(target, theirs, words, quiet), daemon=True)
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
-    patience = os.environ.get("OMP_WAIT_POLICY", "passive")  # threads that spin while they wait starve each other
     try:
-        with _environment(NUMBA_NUM_THREADS=str(threads), OMP_WAIT_POLICY=patience, **_SAFE_PATH, **dict.fromkeys(_ONE_EACH, "1")):
+        with _environment(**{VARIABLE: str(threads)}, **_SAFE_PATH, **dict.fromkeys(_ONE_EACH, "1")):
             process.start()  # these are read once, when Python starts and when the libraries are first imported
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)

@@ -1,14 +1,13 @@
 """The first trajectories of a frame, from blind uniform deconvolution of its strips (Sec. 4.2.2)."""
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
-from numba import get_num_threads
 
+from rsvideo import threads
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import still
@@ -43,12 +42,11 @@ def strip_kernels(frame: Float[np.ndarray, "rows cols"], timing: ShutterTiming, 
         *_, kernel = uniform.estimate(image, min(size, (min(image.shape) // 2 - 1) | 1), settings)
         return Strip(first=first, last=first + height, middle=(left + right - 1) / 2, kernel=kernel)
 
-    with ThreadPoolExecutor(get_num_threads()) as pool:
-        strips: list[Strip] = []
-        for size in SIZES:
-            strips = list(pool.map(lambda cell, size=size: strip(cell, size), cells))
-            if np.median([uniform.border_share(s.kernel) for s in strips]) < uniform.FULL:
-                break
+    strips: list[Strip] = []
+    for size in SIZES:
+        strips = threads.each(lambda cell, size=size: strip(cell, size), cells)
+        if np.median([uniform.border_share(s.kernel) for s in strips]) < uniform.FULL:
+            break
     return strips
 
 

@@ -11,8 +11,9 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import njit, prange
+from numba import njit
 
+from rsvideo import threads
 from rsvideo.physics.camera import Camera, lever
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, still
@@ -91,8 +92,8 @@ def _render(points, design, grid, sigma, image, jacobian):
 
 @no_type_check
 @njit(cache=True, fastmath=True)
-def _system(z, shifts, design, targets, weights, grid, sigma, prior, normal, gradient):
-    """Weighted energy of all strips, and its Gauss-Newton system in the unknowns (z, shifts)."""
+def _system(x, design, targets, weights, grid, sigma, prior, normal, gradient):
+    """Weighted energy of all strips, and its Gauss-Newton system in the unknowns x: z, then a shift for each strip."""
     strips, points, unknowns, _ = design.shape
     g = len(grid)
     energy = 0.0
@@ -104,9 +105,9 @@ def _system(z, shifts, design, targets, weights, grid, sigma, prior, normal, gra
     for s in range(strips):
         for n in range(points):
             for a in range(2):
-                v = shifts[s, a]
+                v = x[unknowns + 2 * s + a]
                 for q in range(unknowns):
-                    v -= design[s, n, q, a] * z[q]
+                    v -= design[s, n, q, a] * x[q]
                 at[n, a] = v
         image[:] = 0
         jacobian[:] = 0
@@ -127,45 +128,53 @@ def _system(z, shifts, design, targets, weights, grid, sigma, prior, normal, gra
         for j in range(i):
             normal[j, i] = normal[i, j]
     for q in range(unknowns):
-        energy += prior[q] * z[q] ** 2
+        energy += prior[q] * x[q] ** 2
         normal[q, q] += prior[q]
-        gradient[q] += prior[q] * z[q]
+        gradient[q] += prior[q] * x[q]
     return energy
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _levenberg(starts, design, targets, weights, grid, sigma, prior, steps):
-    """Levenberg-Marquardt from every start (starts, unknowns + 2 * strips)."""
-    unknowns = design.shape[2]
-    size = starts.shape[1]
-    energies = np.empty(len(starts))
-    result = starts.copy()
-    for s in prange(len(starts)):
-        x = starts[s].copy()
+@njit(cache=True, fastmath=True)
+def _solved(A, b):
+    """A^-1 b by Cholesky's L L^T = A, in place; LAPACK's compiled wrapper would take 10 s to compile."""
+    n = len(b)
+    for j in range(n):
+        for k in range(j):
+            A[j, j] -= A[j, k] * A[j, k]
+            b[j] -= A[j, k] * b[k]
+        A[j, j] = np.sqrt(A[j, j])
+        b[j] /= A[j, j]
+        for i in range(j + 1, n):
+            for k in range(j):
+                A[i, j] -= A[i, k] * A[j, k]
+            A[i, j] /= A[j, j]
+    for j in range(n - 1, -1, -1):
+        for i in range(j + 1, n):
+            b[j] -= A[i, j] * b[i]
+        b[j] /= A[j, j]
+    return b
+
+
+@no_type_check
+@threads.loop()
+def _levenberg(first, last, found, design, targets, weights, grid, sigma, prior, steps, energies):
+    """Levenberg-Marquardt from every start; `found` (starts, unknowns + 2 * strips) holds the starts, and then where they lead."""
+    size = found.shape[1]
+    for s in range(first, last):
+        x = found[s].copy()
         damping = DAMPING
         normal = np.zeros((size, size))
         gradient = np.zeros(size)
-        energy = _system(x[:unknowns], x[unknowns:].reshape(-1, 2), design, targets, weights, grid, sigma, prior, normal, gradient)
+        energy = _system(x, design, targets, weights, grid, sigma, prior, normal, gradient)
         for _ in range(steps):
             damped = normal.copy()
             for i in range(size):
                 damped[i, i] += damping * normal[i, i] + _DIAGONAL
-            x_next = x - np.linalg.solve(damped, gradient)
+            x_next = x - _solved(damped, gradient.copy())
             normal_next = np.zeros((size, size))
             gradient_next = np.zeros(size)
-            energy_next = _system(
-                x_next[:unknowns],
-                x_next[unknowns:].reshape(-1, 2),
-                design,
-                targets,
-                weights,
-                grid,
-                sigma,
-                prior,
-                normal_next,
-                gradient_next,
-            )
+            energy_next = _system(x_next, design, targets, weights, grid, sigma, prior, normal_next, gradient_next)
             if energy_next < energy:
                 done = energy - energy_next < SETTLED * energy
                 x, energy, normal, gradient = x_next, energy_next, normal_next, gradient_next
@@ -176,9 +185,8 @@ def _levenberg(starts, design, targets, weights, grid, sigma, prior, steps):
                 damping *= DAMPING_RISE
                 if damping > MOST_DAMPING:
                     break
-        result[s] = x
+        found[s] = x
         energies[s] = energy
-    return result, energies
 
 
 def length(kernel: Float[np.ndarray, "k k"]) -> float:
@@ -229,8 +237,7 @@ class _Problem:
         n = self.unknowns
         normal = np.zeros((n + 2, n + 2))
         energy = _system(
-            x[:n],
-            x[n:].reshape(-1, 2)[strip : strip + 1].copy(),
+            np.concatenate([x[:n], x[n + 2 * strip : n + 2 * strip + 2]]),
             self.design[strip : strip + 1],
             self.targets[strip : strip + 1],
             np.ones(1),
@@ -291,7 +298,8 @@ def fit(
             weights = problem.trust(x[0], believed)
         scale = float(weights @ (problem.targets**2).sum(axis=(1, 2)))
         prior = np.full(len(spread), stiffness * scale)
-        x, energies = _levenberg(x, problem.design, problem.targets, weights, problem.grid, sigma, prior, steps)
+        energies = np.empty(len(x))
+        threads.spread(_levenberg, len(x), x, problem.design, problem.targets, weights, problem.grid, sigma, prior, steps, energies)
         best = _distinct(x[:, : len(spread)], spread, energies, kept)
         x, energies = x[best], energies[best] / scale
         if sigma == DOUBTED_AT:

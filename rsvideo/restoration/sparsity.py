@@ -21,7 +21,6 @@ from typing import no_type_check
 import cv2
 import numpy as np
 from jaxtyping import Complex, Float
-from numba import njit, prange
 
 from rsvideo.physics import tiles
 from rsvideo.physics.row_fourier import RowFourier
@@ -31,6 +30,7 @@ from rsvideo.restoration.nonblind import TileSystem, tile_system
 from rsvideo.restoration.parallax import displacement
 from rsvideo.restoration.scene import Scene
 from rsvideo.solvers.banded import BandedFactor
+from rsvideo.threads import loop, spread
 
 WINDOW = 49  # px over which gradients are compared; origin: by trial
 FAINT = 1e-4  # gradients below this are flat, white being 1
@@ -72,12 +72,11 @@ def sparsity(latent: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _sensitivity(m, mx, latent, lx, top, left, offsets, residual, km, out):
+@loop()
+def _sensitivity(first, last, m, mx, latent, lx, top, left, offsets, residual, km, out):
     """<dK m, r> - <K m, dK l> for a unit displacement of each path sample, by linear interpolation."""
-    rows, cols = residual.shape
-    samples = offsets.shape[1]
-    for i in prange(rows):
+    cols, samples = residual.shape[1], offsets.shape[1]
+    for i in range(first, last):
         for k in range(samples):
             fx, fy = np.floor(offsets[i, k, 0]), np.floor(offsets[i, k, 1])
             ax, ay = np.float32(offsets[i, k, 0] - fx), np.float32(offsets[i, k, 1] - fy)
@@ -141,7 +140,9 @@ def _tile_objective(
     km = op.image(op.forward(m))
     columns = slice(op.left, op.left + op.cols)
     out = np.empty(offsets.shape, np.float32)
-    _sensitivity(
+    spread(
+        _sensitivity,
+        len(out),
         op.image(m),
         _derivative_along_rows(op, m),
         image,

@@ -9,7 +9,8 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Complex, Float
-from numba import njit, prange
+
+from rsvideo.threads import loop, spread
 
 LANES = 16
 _FAST = {"nnan", "ninf", "nsz"}  # nothing that moves a rounding: a cached loop would differ there from one that is compiled just now
@@ -21,11 +22,11 @@ def blocks(frequencies: int) -> int:
 
 
 @no_type_check
-@njit(cache=True, fastmath=_FAST, parallel=True)
-def _factor(re, im):
+@loop(fastmath=_FAST)
+def _factor(first, last, re, im):
     """In place: upper Cholesky factor R of N = R^H R for every lane. Arrays (blocks, rows, width, LANES)."""
-    count, rows, width, _ = re.shape
-    for c in prange(count):
+    _, rows, width, _ = re.shape
+    for c in range(first, last):
         pr = np.empty(LANES, np.float32)
         pi = np.empty(LANES, np.float32)
         for j in range(rows):
@@ -49,12 +50,12 @@ def _factor(re, im):
 
 
 @no_type_check
-@njit(cache=True, fastmath=_FAST, parallel=True)
-def _solve(re, im, x):
+@loop(fastmath=_FAST)
+def _solve(first, last, re, im, x):
     """In place: x <- (R^H R)^-1 x; x is (rows, frequencies, 2)."""
-    count, rows, width, _ = re.shape
+    _, rows, width, _ = re.shape
     frequencies = x.shape[1]
-    for c in prange(count):
+    for c in range(first, last):
         yr = np.zeros((rows, LANES), np.float32)
         yi = np.zeros((rows, LANES), np.float32)
         live = min(LANES, frequencies - c * LANES)
@@ -100,7 +101,7 @@ class BandedFactor:
     def solve(self, rhs: Complex[np.ndarray, "rows frequencies"]) -> Complex[np.ndarray, "rows frequencies"]:
         """N^-1 rhs, one system per frequency."""
         x = rhs.astype(np.complex64, order="C")  # a copy: solved in place
-        _solve(self.re, self.im, x.view(np.float32).reshape(*x.shape, 2))
+        spread(_solve, len(self.re), self.re, self.im, x.view(np.float32).reshape(*x.shape, 2))
         return x
 
 
@@ -127,7 +128,7 @@ class BandedHermitian:
     def factor(self) -> BandedFactor:
         """Cholesky, O(rows * width^2) per frequency."""
         re, im = self.re.astype(np.float32), self.im.astype(np.float32)
-        _factor(re, im)
+        spread(_factor, len(re), re, im)
         return BandedFactor(re=re, im=im)
 
     def dense(self, frequency: int) -> Complex[np.ndarray, "rows rows"]:

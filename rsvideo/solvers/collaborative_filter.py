@@ -17,7 +17,9 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba import njit, prange
+from numba import njit
+
+from rsvideo.threads import loop, spread
 
 PATCH = 8  # rows and columns of a patch; the transforms below are written out for it
 GROUP = 16  # patches of a group, a power of two; fewer where the image has not so many
@@ -49,12 +51,12 @@ class Matches:
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _search(guide, ys, xs, offsets):
+@loop()
+def _search(first, last, guide, ys, xs, offsets):
     """The nearest patches of each reference patch, ties in raster order; offsets is zero on entry."""
     rows, cols = guide.shape
     across, count = len(xs), offsets.shape[2]
-    for iy in prange(len(ys)):
+    for iy in range(first, last):
         y = ys[iy]
         d = np.empty(cols, np.float32)
         best = np.full((across, count), np.float32(_FAR))
@@ -242,12 +244,12 @@ def _back(table, weight, dct, total, share):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True, parallel=True)
-def _filter(image, pilot, offsets, ys, xs, sigma, wiener, tops, ends, dct, total, share):
+@loop()
+def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, ends, dct, total, share):
     """Filters every group; total and share are (strips, channels, lines, cols), zero on entry."""
     channels, _, cols = image.shape
     count = offsets.shape[2]
-    for s in prange(len(tops)):
+    for s in range(first, last):
         lines = ends[s] - tops[s]
         table = np.empty((lines, cols - PATCH + 1, PATCH), np.float32)
         guess = np.empty((lines if wiener else 0, cols - PATCH + 1, PATCH), np.float32)
@@ -307,7 +309,7 @@ def match(guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
     candidates = min(rows - PATCH, REACH) + 1, min(cols - PATCH, REACH) + 1  # in a corner, where there are fewest
     count = min(GROUP, 1 << (candidates[0] * candidates[1]).bit_length() - 1)
     offsets = np.zeros((len(ys), len(xs), count, 2), np.int8)
-    _search(luminance, ys, xs, offsets)
+    spread(_search, len(ys), luminance, ys, xs, offsets)
     return Matches(shape=(rows, cols), offsets=offsets)
 
 
@@ -340,7 +342,7 @@ def denoise(
     share = np.zeros_like(total)
     guess = planes if pilot is None else _planes(pilot)
     how = (np.float32(sigma), pilot is not None)
-    _filter(planes, guess, matches.offsets, ys, xs, *how, tops, ends, _DCT, total, share)
+    spread(_filter, len(tops), planes, guess, matches.offsets, ys, xs, *how, tops, ends, _DCT, total, share)
     top_sum, weight_sum = np.zeros_like(planes), np.zeros_like(planes)
     for s, (top, end) in enumerate(zip(tops, ends, strict=True)):
         top_sum[:, top:end] += total[s, :, : end - top]

@@ -214,7 +214,7 @@ def main() -> None:
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--jobs", type=int, default=1)
     args = parser.parse_args()
-    os.environ |= {"OMP_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive", "NUMBA_NUM_THREADS": "1"} if args.jobs > 1 else {}
+    os.environ |= {"OMP_NUM_THREADS": "1", "RSVIDEO_THREADS": "1"} if args.jobs > 1 else {}
     photographs = sorted(p for p in args.photographs.iterdir() if p.suffix.lower() in (".jpg", ".png") and args.half in (None, half(p)))
     if not photographs:
         sys.exit(f"{args.photographs} must hold JPEG or PNG pictures")

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/farms.py [--only same,overhead,kills,chunks,traffic] [--pairs 3] [--kills 30] [--chunks 10000] [--json FILE]
 
-same: a clip of small frames is rectified in each manner, with a scheduler of dask.distributed and its workers on this machine.
+same: a clip of small frames is restored in each manner, with a scheduler of dask.distributed and its workers on this machine.
 All else has a simulated core (tests/batch/stand_in.py), for which a frame is a byte and a chunk four of them, in workers that are real.
 overhead: 200 frames that take 0.3 s each, in pairs, one run after the other. The core waits instead of computing, so that what else the
 machine does counts little; it still counts in the overhead. kills: to a worker's process, to its nanny, or to the command that
@@ -38,7 +38,7 @@ from rsvideo.batch import cluster, farm, plan
 from tests.batch import clusters
 from tests.batch.runs import STAND_IN, environment
 
-FRAMES, ROWS, COLS = 66, 96, 128  # of the clip that is rectified: three chunks
+FRAMES, ROWS, COLS = 66, 120, 192  # of the clip that is restored: three chunks
 PACE, PACED = 0.3, 200  # seconds of a simulated frame, and how many there are
 RSVIDEO = str(Path(sys.executable).with_name("rsvideo"))
 BYTES_A_CHUNK = 4  # of the simulated core
@@ -47,21 +47,21 @@ Row = dict[str, Any]
 
 
 def small_clip(folder: Path) -> Path:
-    """A job of one clip of small frames, which are rectified: of the methods that find motion, the quickest."""
+    """A job of one clip of small frames."""
     clip(folder / "a.mp4", ROWS, COLS, FRAMES)
-    job = folder / "job.yaml"
-    job.write_text(
-        "output: {folder: out}\ndefaults: {camera: {exposure: 1/50, readout: 15ms, focal_px: 200}}\n"
-        "clips: [{source: a.mp4, deblur: {method: rectify}}]\n"
-    )
-    return job
+    return stated(folder)
 
 
 def simulated(folder: Path, chunks: int) -> Path:
     """A job of one clip for the simulated core."""
     (folder / "a.mp4").write_bytes(random.Random(chunks).randbytes(chunks * BYTES_A_CHUNK).replace(b"!", b"a").replace(b"?", b"a"))
+    return stated(folder)
+
+
+def stated(folder: Path) -> Path:
+    """The job of the clip in a folder."""
     job = folder / "job.yaml"
-    job.write_text("output: {folder: out}\ndefaults: {camera: {exposure: 1/50, readout: 15ms, focal_px: 200}}\nclips: [a.mp4]\n")
+    job.write_text("output: {folder: out}\ndefaults: {camera: {exposure: 1/50, readout: 15ms, focal_px: 230}}\nclips: [a.mp4]\n")
     return job
 
 
@@ -127,7 +127,9 @@ def same() -> Iterator[Row]:
                 make()
                 made = digests(job)
                 first = first or made
-                yield {"manner": manner, "clip": made["a_rsvideo.mp4"][:12], "same": "yes" if made == first else "no"}
+                verdicts = [frame["verdict"] for frame in json.loads((folder / "out" / "a_rsvideo.rsvideo.json").read_text())["frames"]]
+                restored = sum(verdict == "restored" for verdict in verdicts)
+                yield {"manner": manner, "restored": restored, "clip": made["a_rsvideo.mp4"][:12], "same": "yes" if made == first else "no"}
 
 
 def overhead(pairs: int) -> Iterator[Row]:

@@ -10,7 +10,6 @@ is a flat optimum; one that rises says that the number was chosen on other cases
 import argparse
 import contextlib
 import json
-import os
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -48,7 +47,6 @@ FACTORS = (0.5, 2.0)
 
 def gain(case: Path, motion: Motion, number: str | None, factor: float) -> float:
     """dB by which a still is nearer to its truth than its blurred frame, with `number` times `factor`."""
-    os.environ["OMP_WAIT_POLICY"] = "passive"
     import rsvideo
     from rsvideo.physics.tone import Transfer, encode
     from rsvideo.report.metrics import psnr

@@ -49,7 +49,8 @@ class Answer:
 
 def prepared() -> None:
     """Import what the command needs, and let it make once what it keeps, before forking."""
-    os.environ |= {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL", "NUMBA")} | {"OPENCV_LOG_LEVEL": "SILENT"}
+    os.environ |= {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL")}
+    os.environ |= {"RSVIDEO_THREADS": "1", "OPENCV_LOG_LEVEL": "SILENT"}
     forked.import_libraries()
     from rsvideo.cli import app
 

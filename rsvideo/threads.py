@@ -1,0 +1,94 @@
+"""Threads: loops of compiled code, and calls, shared out among as many as the caller chose; never threads within threads."""
+
+import os
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any, TypeVar
+
+from numba import njit
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+
+VARIABLE = "RSVIDEO_THREADS"  # of the environment: how many, read when threads are first needed
+_PARTS = 4  # of a loop for each thread: the last ones go to whoever is first done
+
+_here = threading.local()
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+
+def cores() -> int:
+    """How many the system lets us use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def most() -> int:
+    """How many threads a loop is shared out among: `RSVIDEO_THREADS`, or all cores."""
+    chosen = os.environ.get(VARIABLE, "")
+    return max(1, int(chosen)) if chosen.isdecimal() else cores()
+
+
+class _Apart(CompilerBase):
+    """Compiles as usual, but for arrays that do not overlap, as the compiler of parallel loops does."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.flags.noalias = True
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
+def loop(fastmath: bool | set[str] = True) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Compile a loop that `spread` shares out: loop(first, last, *arrays), of which those it writes into overlap no others.
+
+    Numba's own parallel loops take four times as long to compile, and their threads do not survive a fork.
+    """
+    return njit(cache=True, nogil=True, fastmath=fastmath, pipeline_class=_Apart)
+
+
+def spread(loop: Callable[..., None], count: int, *arguments: Any) -> None:
+    """Call loop(first, last, *arguments) for consecutive parts of range(count), side by side.
+
+    The parts write into different places.
+    """
+    threads = _free(count)
+    if threads == 1:
+        loop(0, count, *arguments)
+        return
+    parts = min(count, threads * _PARTS)
+    bounds = iter([(count * k // parts, count * (k + 1) // parts) for k in range(parts)])
+
+    def work() -> None:
+        for first, last in bounds:  # each part goes to one thread: a list's iterator serves them in turn
+            loop(first, last, *arguments)
+
+    helpers = [_pool().submit(work) for _ in range(threads - 1)]
+    work()
+    for helper in helpers:
+        helper.result()
+
+
+def each(call: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Result]:
+    """What a call answers to each item, side by side; loops that it spreads stay in its thread."""
+    wanted = list(items)
+    if _free(len(wanted)) == 1:
+        return [call(item) for item in wanted]
+    return list(_pool().map(call, wanted))
+
+
+def _free(count: int) -> int:
+    """How many threads may share `count` parts."""
+    return 1 if getattr(_here, "shared", False) else max(1, min(most(), count))
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(most(), initializer=_share)
+
+
+def _share() -> None:
+    _here.shared = True
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive it
