@@ -1,8 +1,9 @@
 """Threads: loops of compiled code, and calls, shared out among as many as the caller chose; never threads within threads."""
 
+import math
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any, TypeVar
@@ -12,6 +13,7 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 
 VARIABLE = "RSVIDEO_THREADS"  # of the environment: how many, read when threads are first needed
 _PARTS = 4  # of a loop for each thread: the last ones go to whoever is first done
+_LEAST_SIZE = 1e6  # bytes; such a loop takes 0.2 ms, and waking a thread half as long
 
 _here = threading.local()
 _Item = TypeVar("_Item")
@@ -46,24 +48,19 @@ def loop(fastmath: bool | set[str] = True) -> Callable[[Callable[..., None]], Ca
     return njit(cache=True, nogil=True, fastmath=fastmath, pipeline_class=_Apart)
 
 
-def spread(loop: Callable[..., None], count: int, *arguments: Any) -> None:
-    """Call loop(first, last, *arguments) for consecutive parts of range(count), side by side.
+def spread(loop: Callable[..., None], count: int, *arguments: Any, size: float = math.inf) -> None:
+    """Call loop(first, last, *arguments) for consecutive parts of range(count), side by side; they write into different places.
 
-    The parts write into different places.
+    `size` is how many bytes a loop goes through that does little with each: a few are not worth a second thread.
     """
-    threads = _free(count)
+    threads = _free(count) if size > _LEAST_SIZE else 1
     if threads == 1:
         loop(0, count, *arguments)
         return
     parts = min(count, threads * _PARTS)
     bounds = iter([(count * k // parts, count * (k + 1) // parts) for k in range(parts)])
-
-    def work() -> None:
-        for first, last in bounds:  # each part goes to one thread: a list's iterator serves them in turn
-            loop(first, last, *arguments)
-
-    helpers = [_pool().submit(work) for _ in range(threads - 1)]
-    work()
+    helpers = [_pool().submit(_work, loop, bounds, arguments) for _ in range(threads - 1)]
+    _work(loop, bounds, arguments)
     for helper in helpers:
         helper.result()
 
@@ -74,6 +71,12 @@ def each(call: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Resu
     if _free(len(wanted)) == 1:
         return [call(item) for item in wanted]
     return list(_pool().map(call, wanted))
+
+
+def _work(loop: Callable[..., None], bounds: Iterator[tuple[int, int]], arguments: tuple[Any, ...]) -> None:
+    """Parts of a loop until none is left: each goes to one thread, since a list's iterator serves them in turn."""
+    for first, last in bounds:
+        loop(first, last, *arguments)
 
 
 def _free(count: int) -> int:

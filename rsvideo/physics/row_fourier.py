@@ -150,21 +150,21 @@ class RowFourier:
         """K l, spectrum to spectrum."""
         out = np.empty((self.rows, self.frequencies), np.complex64)
         x = np.ascontiguousarray(latent, np.complex64)
-        spread(_apply, self.rows, self.re, self.im, self.base, _parts(x), _parts(out))
+        spread(_apply, self.rows, self.re, self.im, self.base, _parts(x), _parts(out), size=self.re.nbytes)
         return out
 
     def adjoint(self, frame: Complex[np.ndarray, "rows frequencies"]) -> Complex[np.ndarray, "latent_rows frequencies"]:
         """K^H b, spectrum to spectrum."""
         out = np.zeros((self.latent_rows, self.frequencies), np.complex64)
         y = np.ascontiguousarray(frame, np.complex64)
-        spread(_apply_adjoint, len(self.re), self.re, self.im, self.base, _parts(y), _parts(out))
+        spread(_apply_adjoint, len(self.re), self.re, self.im, self.base, _parts(y), _parts(out), size=self.re.nbytes)
         return out
 
     def gram(self) -> tuple[Float[np.ndarray, "blocks latent_rows width lanes"], Float[np.ndarray, "blocks latent_rows width lanes"]]:
         """The upper bands of A^H A, real and imaginary, as solvers.banded stores them."""
         count, _, width, lanes = self.re.shape
         re, im = (np.zeros((count, self.latent_rows, width, lanes), np.float32) for _ in range(2))
-        spread(_gram, count, self.re, self.im, self.base, re, im)
+        spread(_gram, count, self.re, self.im, self.base, re, im, size=self.re.nbytes)
         return re, im
 
 

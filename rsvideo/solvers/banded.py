@@ -101,7 +101,7 @@ class BandedFactor:
     def solve(self, rhs: Complex[np.ndarray, "rows frequencies"]) -> Complex[np.ndarray, "rows frequencies"]:
         """N^-1 rhs, one system per frequency."""
         x = rhs.astype(np.complex64, order="C")  # a copy: solved in place
-        spread(_solve, len(self.re), self.re, self.im, x.view(np.float32).reshape(*x.shape, 2))
+        spread(_solve, len(self.re), self.re, self.im, x.view(np.float32).reshape(*x.shape, 2), size=self.re.nbytes)
         return x
 
 
