@@ -20,10 +20,9 @@ from rsvideo.config.printable import printable
 
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
-    from rsvideo.batch.plan import Batch, Planned, Unreadable
+    from rsvideo.batch.plan import Batch, Item, Planned, Unreadable
     from rsvideo.batch.run import Result
     from rsvideo.batch.workers import Hands
-    from rsvideo.config.request import Request
     from rsvideo.pipeline.pieces import Chunk
 
 
@@ -86,9 +85,8 @@ def _hands(batch: "Batch", scheduler: str | None, jobs: int) -> "Iterator[Hands]
             return
         from rsvideo.batch import cluster
 
-        requests = [item.request for item in batch.items]
         with refusing():
-            opened = cluster.opened(scheduler, batch.working, requests, jobs=jobs, tell=say, quiet=quiet.wanted())
+            opened = cluster.opened(scheduler, batch, jobs=jobs, tell=say, quiet=quiet.wanted())
             hands = stack.enter_context(opened)
         yield hands
 
@@ -108,6 +106,10 @@ def opened(batch: "Batch", *, fresh: bool = False) -> "Iterator[Ledger]":
 
     with made(batch.folder), ledger.opened(batch.working, fresh=fresh) as (book, notes):
         note(notes)
+        with refusing():
+            batch.results.check_writable()
+            if fresh:
+                batch.stores.remove()
         yield book
 
 
@@ -129,7 +131,7 @@ def carried_out(
 
     for each in plans:
         if isinstance(each, plan.Planned):
-            note(f"{each.request.source}: {words}" for words in each.notes)
+            note(f"{each.source}: {words}" for words in each.notes)
     try:
         with batch_progress.shown(progress) as show:
             results = carry_out(plans, book, hands, show)
@@ -151,6 +153,8 @@ def carried_out(
     if faults := sum(result.fault is not None for result in results):
         say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
     else:
+        with contextlib.suppress(OSError):  # all is done, even where nothing more can be tidied
+            batch.stores.remove()
         book.remove()
     return code
 
@@ -182,14 +186,14 @@ def made(folder: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
-def ours(batch: "Batch", book: "Ledger") -> "Callable[[Request], bool]":
-    """Whether what stands under a request's names was written by this job."""
+def ours(batch: "Batch", book: "Ledger") -> "Callable[[Item], bool]":
+    """Whether what stands under an item's names was written by this job."""
     from rsvideo.batch import recognition
 
-    return lambda request: recognition.may_replace(request, batch.job, book)
+    return lambda item: recognition.may_replace(item, batch.job, book)
 
 
-def _print_plan(batch: "Batch", ours: "Callable[[Request], bool]", *, json: bool) -> int:
+def _print_plan(batch: "Batch", ours: "Callable[[Item], bool]", *, json: bool) -> int:
     from rsvideo.batch import plan
     from rsvideo.cli import quiet
     from rsvideo.cli.batch_progress import clock
@@ -218,7 +222,7 @@ def _print_planned(each: "Planned", cuts: "Sequence[Chunk]") -> None:
     timing = each.timing
     shutter = f"exposure {1e3 * timing.exposure:.4g} ms, readout {1e3 * timing.readout:.4g} ms {timing.direction}"
     chunks = f", in chunks {', '.join(f'{cut.first}-{cut.last}' for cut in cuts)}"
-    print(f"{each.request.source} -> {each.request.output}")
+    print(f"{each.source} -> {each.output}")
     if each.request.is_clip:
         print(f"  {each.frames} frames of {each.cols} x {each.rows}{chunks}")
     else:

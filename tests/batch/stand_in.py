@@ -10,6 +10,7 @@ KILLED_ONCE: a file, absent, that will note that a worker has died
 HELD: the `clip number` of a chunk that takes a minute
 FULL: the number of a chunk that finds the disk full
 CHANGED: a clip that changes while it is read
+REFUSED: an object that cannot be uploaded
 ORPHANED: a result after which the command is killed; TALLY then gets the number of the worker that is left
 """
 
@@ -29,6 +30,7 @@ from types import ModuleType
 
 import rsvideo.pipeline
 from rsvideo.config import placing
+from rsvideo.config.address import UnreachableError
 from rsvideo.config.files import UnreadableError, made_within, write_whole
 from rsvideo.config.placing import Made
 from rsvideo.config.request import Request
@@ -128,9 +130,12 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     return Finished(outcome=outcome, made=(made, record))
 
 
+place = placing.place
+
+
 def place_and_die(made: Sequence[Made]) -> None:
     """As a run does that is killed when the result has its names and the ledger does not know."""
-    placing.place(made)
+    place(made)
     if os.environ.get("ORPHANED") in [each.path.name for each in made]:
         (worker,) = multiprocessing.active_children()
         Path(os.environ["TALLY"]).write_text(f"{worker.pid}")
@@ -145,8 +150,17 @@ for name, held in core.items():  # in the workers too, which import this file by
     setattr(rsvideo.pipeline, name, module)
 
 if __name__ == "__main__":
-    from rsvideo.batch import run
+    from rsvideo.batch import objects
     from rsvideo.cli import main
 
-    run.place = place_and_die
+    upload = objects.Objects._upload
+
+    def refuse(self: objects.Objects, name: str, content: Path | bytes) -> None:
+        """As the owner of a bucket may, or a network that goes away."""
+        if name == os.environ.get("REFUSED"):
+            raise UnreachableError(errno.EIO, "no access", self.at(name))
+        upload(self, name, content)
+
+    placing.place = place_and_die
+    objects.Objects._upload = refuse
     main()
