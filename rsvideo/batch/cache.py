@@ -43,6 +43,8 @@ def bring(origin: Origin) -> Path:
         path.parent.parent.mkdir(parents=True, exist_ok=True)
     if not _holds(path, origin):
         _held.discard(path.parent)
+        with contextlib.suppress(OSError, BusyError), locked(path.parent, certain=True):
+            shutil.rmtree(path.parent)  # which somebody has damaged
         _make_room(origin)
         _download(origin, path)
         if not _holds(path, origin):
@@ -72,12 +74,16 @@ def _most_bytes() -> float:
 def _holds(path: Path, origin: Origin) -> bool:
     """Whether an entry is whole; it is then held until this process ends."""
     try:
-        if path.parent not in _held:
+        if _whole(path, origin) and path.parent not in _held:
             _kept.enter_context(shared(path.parent))
             _held.add(path.parent)
-        return not path.is_symlink() and path.is_file() and path.stat().st_size == origin.size
+        return _whole(path, origin)
     except (BusyError, OSError):
         return False
+
+
+def _whole(path: Path, origin: Origin) -> bool:
+    return not path.is_symlink() and path.is_file() and path.stat().st_size == origin.size
 
 
 def _download(origin: Origin, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Files in object storage, through fsspec: they appear whole or not at all, are never renamed, and nobody's word is taken for a hash.
+"""Files in object storage, through fsspec: they appear whole or not at all, and are never renamed.
 
 An upload that breaks off leaves no object. What comes back is hashed on this machine, and what has another hash is removed, to be made
 anew. The filesystems of fsspec are opened when they are first needed; credentials and endpoints are those of the environment.
@@ -241,7 +241,7 @@ def _children(at: Address) -> list[dict[str, Any]]:
             if at.scheme == "s3":  # whose public `ls` holds all of a bucket, however much that is
                 from fsspec.asyn import sync
 
-                found = sync(system.loop, system._lsdir, at.path, max_items=MOST_LOOKED_AT + 1)
+                found: Any = sync(system.loop, system._lsdir, at.path, max_items=MOST_LOOKED_AT + 1)
             else:
                 found = system.ls(at.path, detail=True)
     except FileNotFoundError as error:

@@ -244,7 +244,7 @@ def _settled(item: Item, batch: Batch, *, ours: bool, found: Found | None) -> "P
 
 
 def _check_free(item: Item, *, overwrite: bool) -> None:
-    """Of results that go elsewhere; those in a folder are checked with all that is said of files."""
+    """Of results that go elsewhere; those in a folder are checked with all that concerns files."""
     if isinstance(item.results, Folder):
         return
     if item.request.is_clip and (item.request.encoding.codec in SEQUENCES or is_sequence(item.request.source)):

@@ -10,6 +10,7 @@ KILLED_ONCE: a file, absent, that will note that a worker has died
 HELD: the `clip number` of a chunk that takes a minute
 FULL: the number of a chunk that finds the disk full
 CHANGED: a clip that changes while it is read
+UNSEEN: a folder that lies on another machine
 REFUSED: an object that cannot be uploaded
 ORPHANED: a result after which the command is killed; TALLY then gets the number of the worker that is left
 """
@@ -68,6 +69,9 @@ def prepare(request: Request, piped: object = None) -> Task:
     camera = request.camera
     if camera.exposure is None:
         raise ValueError("exposure must be given, it is not in the file")
+    for path in (request.source, request.output):
+        if (unseen := os.environ.get("UNSEEN")) and Path(unseen) in path.parents:
+            raise UnreadableError(f"{path} is on another machine")
     data = request.source.read_bytes()
     if data.startswith(b"BAD"):
         raise UnreadableError(f"{request.source} is damaged")

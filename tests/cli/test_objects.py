@@ -1,15 +1,20 @@
 """Jobs whose sources and results lie in object storage, with a quick core: the bytes of a folder, on machines that share no disk."""
 
 import json
+import os
 import random
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from tests.batch import clusters
 from tests.batch.buckets import Bucket
-from tests.batch.runs import call
+from tests.batch.runs import begun, call, under_way
 from tests.robustness import jobs
 
 
@@ -174,3 +179,59 @@ def test_without_the_extra_the_command_says_how_to_get_it(job: Path) -> None:
         [sys.executable, "-c", f"{program}; from rsvideo.cli import main; main()"], capture_output=True, text=True, check=False, timeout=60
     )
     one_line(done, 2, "pip install 'rsvideo[objects]'")
+
+
+@pytest.fixture
+def machines(tmp_path: Path, bucket: Bucket) -> Iterator[clusters.Machines]:
+    """A scheduler without workers."""
+    (tmp_path / "dask").mkdir()
+    with clusters.running(tmp_path / "dask") as machines:
+        yield machines
+
+
+def worker(machines: clusters.Machines, job: Path, number: int, **mishaps: Any) -> "subprocess.Popen[bytes]":
+    """One that sees neither the folder of the job nor the sources of others, and has a disk of its own."""
+    own = machines.folder / f"disk{number}"
+    own.mkdir()
+    return machines.worker(UNSEEN=job.parent, RSVIDEO_CACHE=own / "sources", TMPDIR=own, **mishaps)
+
+
+@pytest.mark.long
+def test_workers_that_share_no_disk_write_the_bytes_of_a_run_and_may_be_killed(
+    job: Path, bucket: Bucket, whole: jobs.Files, machines: clusters.Machines, tmp_path: Path
+) -> None:
+    tally, mine = tmp_path / "tally", {"RSVIDEO_CACHE": job.parent / "sources"}
+    first = worker(machines, job, 1, TALLY=tally, PACE=0.05)
+    with under_way("run", job, "--scheduler", machines.address, **mine) as working:
+        begun(tally, 4)
+        os.killpg(first.pid, signal.SIGKILL)
+        worker(machines, job, 2, TALLY=tally)
+        worker(machines, job, 3, TALLY=tally)
+        _, told = working.communicate(timeout=100)
+    assert working.returncode == 0, told
+    assert results(bucket) == whole
+    assert tally.read_text().count("\n") == jobs.CHUNKS + 1
+    assert set(bucket.files()) == {f"clips/{name}" for name in jobs.CLIPS} | {f"restored/{name}" for name in whole}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("mishap", "words"),
+    [
+        ({"AWS_ACCESS_KEY_ID": "", "AWS_SECRET_ACCESS_KEY": ""}, "is refused: it cannot use s3://"),
+        ({"AWS_ENDPOINT_URL": "http://127.0.0.1:9"}, "Could not connect"),
+        ({"BARE": "1"}, "pip install 'rsvideo[objects]'"),
+    ],
+    ids=["no credentials", "no network", "no extra"],
+)
+def test_a_worker_that_cannot_use_the_address_is_refused_in_one_line(
+    job: Path, bucket: Bucket, machines: clusters.Machines, mishap: dict[str, object], words: str
+) -> None:
+    worker(machines, job, 1, **mishap)
+    done = call("run", job, "--scheduler", machines.address)
+    assert done.returncode == 2
+    first, last = done.stderr.splitlines()
+    assert words in first
+    assert last == f"rsvideo: no worker of {machines.address} can work for this run, see above; start others, or put them right"
+    assert set(bucket.files()) == {f"clips/{name}" for name in jobs.CLIPS}
+    assert tidy(job)

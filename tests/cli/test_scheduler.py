@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from rsvideo.batch.objects import Objects
 from rsvideo.batch.places import Folder
 from tests.batch import clusters
 from tests.batch.buckets import Bucket
-from tests.batch.runs import call, under_way
+from tests.batch.runs import begun, call, under_way
 from tests.robustness import jobs
 
 
@@ -37,11 +36,6 @@ def machines(tmp_path: Path) -> Iterator[clusters.Machines]:
     (tmp_path / "dask").mkdir()
     with clusters.running(tmp_path / "dask") as machines:
         yield machines
-
-
-def begun(tally: Path, chunks: int) -> None:
-    while not tally.exists() or tally.read_text().count("\n") < chunks:
-        time.sleep(0.01)
 
 
 def test_a_cluster_on_this_machine_writes_the_bytes_of_a_run(job: Path, whole: jobs.Files) -> None:
