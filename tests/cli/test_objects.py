@@ -80,15 +80,30 @@ def test_chunks_by_hand_on_machines_with_the_jobs_file_alone(job: Path, bucket: 
     assert not (tmp_path / "tally").exists()
 
 
-def test_results_that_were_uploaded_are_not_made_again(job: Path, bucket: Bucket, whole: jobs.Files) -> None:
+@pytest.mark.parametrize("ledger", ["kept", "damaged"])
+def test_results_that_were_uploaded_are_not_made_again(job: Path, bucket: Bucket, whole: jobs.Files, ledger: str) -> None:
     failed = call("run", job, how=None, KILLED="two.mov 2")
     assert failed.returncode == 1
     assert set(results(bucket)) == {name for name in whole if not name.startswith("two_")}
+    if ledger == "damaged":
+        next(job.parent.glob(".rsvideo-*/ledger.sqlite")).write_bytes(b"no ledger")
     done = call("run", job)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("is done already") == 2
     assert results(bucket) == whole
     assert tidy(job)
+
+
+@pytest.mark.parametrize("last", ["two_rsvideo.mov", "two_rsvideo.rsvideo.json"])
+def test_a_run_that_is_killed_while_it_uploads_goes_on(job: Path, bucket: Bucket, whole: jobs.Files, last: str) -> None:
+    """What it has uploaded is the job's own, though the ledger had no time to note it."""
+    job.write_text(job.read_text().replace("*", "two.mov"))
+    assert call("run", job, how=None, UPLOADED=last).returncode == -signal.SIGKILL
+    assert ("two_rsvideo.rsvideo.json" in results(bucket)) == (last != "two_rsvideo.mov")
+    done = call("run", job, how=None, TALLY=job.with_name("tally"))
+    assert done.returncode == 0, done.stderr
+    assert not job.with_name("tally").exists()
+    assert results(bucket) == {name: data for name, data in whole.items() if name.startswith("two_")}
 
 
 @pytest.mark.parametrize("verb", ["run", "chunks", "finish"])
