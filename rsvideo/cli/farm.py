@@ -6,8 +6,8 @@ from typing import Annotated
 
 from typer import Option
 
+from rsvideo.cli.batches import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, print_json, read
 from rsvideo.cli.exit_codes import Code, note, refusing
-from rsvideo.cli.run import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, print_json, read
 from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
 
