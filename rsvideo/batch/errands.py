@@ -18,6 +18,7 @@ from typing import Any
 
 from rsvideo.batch import cache, farm
 from rsvideo.batch.workers import Crew, Failed, Restore, failed
+from rsvideo.config import placing
 from rsvideo.pipeline import processes
 
 
@@ -36,11 +37,11 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # nothing else gets in between the answers
     orders: queue.SimpleQueue[Restore] = queue.SimpleQueue()
-    folder = Path(tempfile.mkdtemp(prefix="rsvideo-"))
-    threading.Thread(target=_listen, args=(orders, folder), daemon=True).start()
-    crew = Crew(most=1, threads=threads, quiet=quiet)
-    while True:
-        answers.write(json.dumps(_answer(orders.get(), crew, folder)).encode() + b"\n")
+    with placing.aside(Path(tempfile.gettempdir())) as folder:
+        threading.Thread(target=_listen, args=(orders, folder), daemon=True).start()
+        crew = Crew(most=1, threads=threads, quiet=quiet)
+        while True:
+            answers.write(json.dumps(_answer(orders.get(), crew, folder)).encode() + b"\n")
 
 
 def _answer(order: Restore, crew: Crew, folder: Path) -> str | dict[str, Any] | None:

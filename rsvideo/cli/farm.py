@@ -10,6 +10,7 @@ from rsvideo.cli.batches import Job, Jobs, Overwrite, Shown, carried_out, opened
 from rsvideo.cli.exit_codes import Code, note, refusing
 from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
+from rsvideo.config import placing
 
 
 def chunks(path: Job, sets: Sets = None, overwrite: Overwrite = False) -> int:
@@ -48,11 +49,11 @@ def work(
 
     batch = read(path, sets, overwrite=True)  # nothing gets a name here
     faults = []
-    with tempfile.TemporaryDirectory(prefix="rsvideo-", ignore_cleanup_errors=True) as folder:
+    with placing.aside(Path(tempfile.gettempdir())) as folder:
         with refusing(), quiet.c_libraries():
-            orders = farm.orders(batch.working_in(Path(folder)), farm.layout(batch, path), farm.numbers(wanted))
+            orders = farm.orders(batch.working_in(folder), farm.layout(batch, path), farm.numbers(wanted))
         with workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
-            for number, fault in farm.restored(orders, crew, Path(folder)):
+            for number, fault in farm.restored(orders, crew, folder):
                 if fault is not None:
                     faults.append(fault)
                     say(f"chunk {number} failed: {fault.words}")
