@@ -10,6 +10,8 @@ import pytest
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+    from tests.batch.buckets import Bucket
+
 # as the command has it: threads of two tests at a time would spin and starve each other; numpy reads these once, when it is imported
 os.environ |= {name: os.environ.get(name, "1") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 
@@ -42,6 +44,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if CHECKOUT / "tests" / "benchmarks" in item.path.parents:
             item.add_marker(pytest.mark.benchmark)
+
+
+@pytest.fixture
+def bucket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> "Bucket":
+    """Object storage with one bucket, and a folder of this test's own for what is brought from it."""
+    from tests.batch import buckets
+
+    for name, value in {**buckets.environment(), "RSVIDEO_CACHE": str(tmp_path / "sources")}.items():
+        monkeypatch.setenv(name, value)
+    return buckets.made()
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsvideo.batch import errands, machine
-from rsvideo.batch.store import FOLDER, Store
+from rsvideo.batch.places import Folder, Place
+from rsvideo.batch.plan import Batch
+from rsvideo.batch.store import Store
 from rsvideo.batch.workers import Answer, ClusterError, Crew, Failed, Order, Restore
 from rsvideo.config.request import Request
 from rsvideo.pipeline import processes
@@ -40,10 +42,11 @@ class Cluster:
     tries = 3
 
     def __init__(
-        self, client: "Client", crew: Crew, working: Path, folders: Sequence[str], tell: Callable[[str], None], *, quiet: bool
+        self, client: "Client", crew: Crew, stores: Place, sources: Sequence[str], tell: Callable[[str], None], *, quiet: bool
     ) -> None:
         self._client, self._crew, self._tell, self._quiet = client, crew, tell, quiet
-        self._token, self._words, self._folders = working.absolute() / FOLDER / f"run-{secrets.token_hex(8)}", secrets.token_hex(), folders
+        self._stores, self._sources = stores, sources
+        self._token, self._words = f"run-{secrets.token_hex(8)}", secrets.token_hex()
         self._threads: dict[str, int] = {}  # of the workers that may have orders, by their addresses
         self._refused: dict[str, str] = {}  # why others may not
         self._given: dict[Future, tuple[Restore, str]] = {}
@@ -167,13 +170,13 @@ class Cluster:
 
     @contextlib.contextmanager
     def _shown(self) -> Iterator[None]:
-        """A file by which workers prove that they see the disk of the results."""
-        self._token.parent.mkdir(parents=True, exist_ok=True)
-        self._token.write_text(self._words)
+        """A file by which workers prove that they reach what this machine writes."""
+        proof = self._stores.within(self._token)
+        proof.state(machine.TOKEN, self._words.encode())
         try:
             yield
         finally:
-            self._token.unlink(missing_ok=True)
+            proof.remove()
 
     def _faults(self, addresses: Sequence[str]) -> dict[str, str | None]:
         """Why workers cannot work for this run, or None; those that do not answer are left out.
@@ -187,13 +190,8 @@ class Cluster:
             elif theirs != ours:
                 found[address] = f"it has rsvideo {theirs}, the run has {ours}; all machines need the same version"
         same = [each for each in addresses if each not in found]
-        for address, folder in self._replies(same, machine.unseen, str(self._token), self._words, self._folders):
-            if isinstance(folder, Exception):
-                found[address] = f"it fails: {' '.join(str(folder).split())}"
-            elif folder is None:
-                found[address] = None
-            else:
-                found[address] = f"it does not see {folder}, or may not write there; all machines need one disk under one name"
+        for address, fault in self._replies(same, machine.unshared, self._stores, self._token, self._words, self._sources):
+            found[address] = f"it fails: {' '.join(str(fault).split())}" if isinstance(fault, Exception) else fault
         return found
 
     def _replies(self, addresses: Sequence[str], call: Callable[..., Any], *words: object) -> Iterator[tuple[str, Any]]:
@@ -223,21 +221,19 @@ class Cluster:
 
 
 @contextlib.contextmanager
-def opened(
-    address: str, working: Path, requests: Sequence[Request], *, jobs: int, tell: Callable[[str], None], quiet: bool
-) -> Iterator[Cluster]:
+def opened(address: str, batch: Batch, *, jobs: int, tell: Callable[[str], None], quiet: bool) -> Iterator[Cluster]:
     """The cluster at an address, or `local`: `jobs` workers on this machine. ValueError where there is none that can be used.
 
-    `requests` are the batch's, whose sources the workers must see; `tell` gets a line on each worker that is refused.
+    The workers must be able to read the batch's sources; `tell` gets a line on each worker that is refused.
     """
     if address != "local" and not _ADDRESS.fullmatch(address):
         raise ValueError(f"scheduler must be local, or an address such as tcp://HOST:8786, got {address[:100]!r}")
-    folders = sorted({str(path.absolute().parent) for request in requests for path in request.inputs})
+    stores = Folder(path=batch.stores.path.absolute()) if isinstance(batch.stores, Folder) else batch.stores
     with contextlib.ExitStack() as stack:
         client = stack.enter_context(_connected(address, jobs, quiet=quiet))
         crew = Crew(most=1 if address == "local" else jobs, threads=processes.threads(jobs), quiet=quiet)
         stack.callback(crew.dismiss)
-        cluster = Cluster(client, crew, working, folders, tell, quiet=quiet)
+        cluster = Cluster(client, crew, stores, _read(batch), tell, quiet=quiet)
         cluster.await_workers(address)
         yield cluster
 
@@ -265,7 +261,18 @@ def _connected(address: str, jobs: int, *, quiet: bool) -> "Iterator[Client]":
 def elsewhere(order: Restore) -> Restore:
     """The order for a machine on which nothing is relative to this folder, and nothing gets a name."""
     request, here = order.request, Path.cwd()
-    absolute = Request.of(request.source.absolute(), request.output.absolute(), request.files_beside(here), overwrite=True)
-    return replace(
-        order, request=absolute.replaced(measured=request.measured), folder=Path(), store=Store(folder=order.store.folder.absolute())
-    )
+    source, output = request.source.absolute(), request.output.absolute()
+    absolute = Request.of(source, output, request.files_beside(here), overwrite=True, origin=request.origin)
+    place = order.store.place
+    store = Store(place=Folder(path=place.path.absolute())) if isinstance(place, Folder) else order.store
+    return replace(order, request=absolute.replaced(measured=request.measured), folder=Path(), store=store)
+
+
+def _read(batch: Batch) -> list[str]:
+    """Folders that the workers must see, and an address of each folder of object storage."""
+    folders, addresses = set[str](), dict[str, str]()
+    for request in (item.request for item in batch.items):
+        folders |= {str(path.absolute().parent) for path in request.inputs if not (request.origin and path == request.source)}
+        if request.origin:
+            addresses.setdefault(request.origin.address.rpartition("/")[0], request.origin.address)
+    return [*sorted(folders), *addresses.values()]

@@ -12,11 +12,13 @@ import shutil
 import sys
 import tempfile
 import threading
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
-from rsvideo.batch import farm
-from rsvideo.batch.workers import Crew, Failed, Restore
+from rsvideo.batch import cache, farm
+from rsvideo.batch.workers import Crew, Failed, Restore, failed
+from rsvideo.config import placing
 from rsvideo.threads import cores
 
 
@@ -35,16 +37,25 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # nothing else gets in between the answers
     orders: queue.SimpleQueue[Restore] = queue.SimpleQueue()
-    folder = Path(tempfile.mkdtemp(prefix="rsvideo-"))
-    threading.Thread(target=_listen, args=(orders, folder), daemon=True).start()
-    crew = Crew(most=1, threads=threads, quiet=quiet)
-    while True:
-        order = orders.get()
-        answer = order.store.record(order.chunk)
-        if answer is None:
-            ((_, fault),) = farm.restored({0: order}, crew, folder)
-            answer = asdict(fault) if fault else order.store.record(order.chunk)
-        answers.write(json.dumps(answer).encode() + b"\n")
+    with placing.aside(Path(tempfile.gettempdir())) as folder:
+        threading.Thread(target=_listen, args=(orders, folder), daemon=True).start()
+        crew = Crew(most=1, threads=threads, quiet=quiet)
+        while True:
+            answers.write(json.dumps(_answer(orders.get(), crew, folder)).encode() + b"\n")
+
+
+def _answer(order: Restore, crew: Crew, folder: Path) -> str | dict[str, Any] | None:
+    """A chunk's record, once it is in the store, or what went wrong."""
+    try:
+        if (record := order.store.record(order.chunk)) is not None:
+            return record
+        request = order.request.replaced(output=folder / order.request.output.name)  # nothing is written there
+        if request.origin:
+            request = request.replaced(source=cache.bring(request.origin))
+        ((_, fault),) = farm.restored({0: replace(order, request=request)}, crew, folder)
+        return asdict(fault) if fault else order.store.record(order.chunk)
+    except (OSError, ValueError) as error:
+        return asdict(failed(error))
 
 
 def _listen(orders: "queue.SimpleQueue[Restore]", folder: Path) -> None:

@@ -16,11 +16,9 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from rsvideo.batch import plan
-from rsvideo.batch.plan import Batch, Found, Planned, Unreadable
-from rsvideo.batch.store import FOLDER, Store
+from rsvideo.batch.plan import Batch, Found, Item, Planned, Unreadable
 from rsvideo.batch.workers import Answer, Crew, Cut, Failed, Finish, Order, Restore, failed
-from rsvideo.config.files import UnreadableError, read_whole, write_whole
-from rsvideo.config.request import Request
+from rsvideo.config.files import UnreadableError
 from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, shown
 from rsvideo.pipeline.pieces import Chunk
@@ -28,6 +26,7 @@ from rsvideo.progress import Progress
 
 MOST_CHUNKS = 1_000_000
 _MOST_BYTES = 1_000_000_000  # of a layout
+_LAYOUT = "layout.json"
 
 
 class Part(BaseModel):
@@ -61,44 +60,42 @@ class Layout(BaseModel):
 
 def laid_out(batch: Batch, plans: Iterable[Planned | Unreadable]) -> Layout:
     """Cut all that can be read, and keep the layout for those who restore and finish."""
-    parts = [
-        Part(output=each.request.output.name, mark=each.mark, found=Found.of(each.request), chunks=plan.chunks(each))
-        for each in plans
-        if isinstance(each, Planned)
-    ]
-    for part in parts:
-        Store.of(batch.working, part.output, part.mark).make()
+    parts = []
+    for each in plans:
+        if isinstance(each, Planned):
+            parts.append(Part(output=each.request.output.name, mark=each.mark, found=Found.of(each.request), chunks=plan.chunks(each)))
+            each.store.make()
     layout = Layout(rsvideo=version("rsvideo"), parts=tuple(parts))
-    write_whole({_file(batch): json.dumps(layout.model_dump()).encode()})  # names that are no text are escaped
+    batch.stores.state(_LAYOUT, json.dumps(layout.model_dump()).encode())  # names that are no text are escaped
     return layout
 
 
 def layout(batch: Batch, job: Path) -> Layout:
     """What `laid_out` kept; ConfigError where there is nothing, or nothing of this version."""
-    path, again = _file(batch), f"rsvideo chunks {job} makes it"
-    if not path.exists():
-        raise ConfigError(f"{job} is not cut into chunks, there is no {path}; {again}, and all machines must see it")
-    data = read_whole(path, most=_MOST_BYTES)
+    at, again = batch.stores.at(_LAYOUT), f"rsvideo chunks {job} makes it"
+    if batch.stores.stamp(_LAYOUT) is None:
+        raise ConfigError(f"{job} is not cut into chunks, there is no {at}; {again}, and all machines must see it")
+    data = batch.stores.read(_LAYOUT, most=_MOST_BYTES)
     try:
         stated = json.loads(data)
         if (theirs := str(stated.get("rsvideo"))) != (ours := version("rsvideo")):
             raise ConfigError(f"{job} was cut by rsvideo {theirs}, this is {ours}; all machines need the same version")
         return Layout.model_validate(stated)
     except (ValidationError, json.JSONDecodeError, UnicodeDecodeError, RecursionError, AttributeError) as error:
-        raise UnreadableError(f"{path} is damaged; {again} anew") from error
+        raise UnreadableError(f"{at} is damaged; {again} anew") from error
 
 
-def planned(batch: Batch, cut: Layout, ours: Callable[[Request], bool]) -> list[Planned | Unreadable]:
+def planned(batch: Batch, cut: Layout, ours: Callable[[Item], bool]) -> list[Planned | Unreadable]:
     """The batch's plan with what its layout holds; ConfigError where settings or a source are no longer those that were cut."""
     plans = plan.settled(batch, ours, {part.output: part.found for part in cut.parts})
     for each in plans:
         if not isinstance(each, Planned):
             continue
         if (part := cut.part(each.request.output.name)) is None:
-            raise ConfigError(f"{each.request.source} is not among the chunks of this job; rsvideo chunks cuts it anew")
+            raise ConfigError(f"{each.source} is not among the chunks of this job; rsvideo chunks cuts it anew")
         if each.mark != part.mark:
             what = "has changed" if each.mark.source != part.mark.source else "has other settings"
-            raise ConfigError(f"{each.request.source} {what} since it was cut; rsvideo chunks cuts it anew, or is --set not the same?")
+            raise ConfigError(f"{each.source} {what} since it was cut; rsvideo chunks cuts it anew, or is --set not the same?")
     return plans
 
 
@@ -130,22 +127,24 @@ def orders(batch: Batch, cut: Layout, wanted: Sequence[int]) -> dict[int, Restor
     chosen = {number: every[number] for number in wanted}
     outputs = {part.output for part, _ in chosen.values()}
     some = replace(batch, items=tuple(item for item in batch.items if item.request.output.name in outputs))
-    requests: dict[str, Request] = {}
+    plans: dict[str, Planned] = {}
     for each in planned(some, cut, lambda _: True):
         if isinstance(each, Unreadable):
             raise UnreadableError(each.fault)
-        requests[each.request.output.name] = each.request
+        plans[each.request.output.name] = each
+    awaited = {output for output, each in plans.items() if each.store.there()}
     orders = {
-        number: Restore(request=requests[part.output], chunk=chunk, folder=Path(), store=Store.of(batch.working, part.output, part.mark))
+        number: Restore(request=plans[part.output].request, chunk=chunk, folder=Path(), store=plans[part.output].store)
         for number, (part, chunk) in chosen.items()
+        if part.output in awaited
     }
-    return {number: order for number, order in orders.items() if order.store.folder.is_dir() and order.store.record(order.chunk) is None}
+    return {number: order for number, order in orders.items() if order.store.record(order.chunk) is None}
 
 
 def restored(wanted: Mapping[int, Restore], crew: Crew, folder: Path) -> Iterator[tuple[int, Failed | None]]:
     """Restore chunks in a folder of this machine's own, and put them into their stores; each with what went wrong, if anything did."""
     numbers = {(order.store, order.chunk): number for number, order in wanted.items()}
-    waiting = deque(replace(order, folder=folder / order.store.folder.name) for order in wanted.values())
+    waiting = deque(replace(order, folder=folder / order.store.name) for order in wanted.values())
     while waiting or crew.busy:
         while waiting and crew.free(Restore):
             crew.give(waiting.popleft())
@@ -212,18 +211,14 @@ class Finishers:
 
 def values(cut: Layout, batch: Batch) -> list[dict[str, Any]]:
     """All chunks as plain values."""
-    sources = {item.request.output.name: item.request for item in batch.items}
+    items = {item.request.output.name: item for item in batch.items}
     return [
         {
             "chunk": number,
-            "source": str(sources[part.output].source),
-            "output": str(sources[part.output].output),
+            "source": items[part.output].source,
+            "output": items[part.output].output,
             "first": chunk.first,
             "last": chunk.last,
         }
         for number, (part, chunk) in enumerate(cut.chunks)
     ]
-
-
-def _file(batch: Batch) -> Path:
-    return batch.working / FOLDER / "layout.json"

@@ -38,7 +38,7 @@ class Clip(Sections):
     """Some clips or photographs, and what is special about them."""
 
     source: Annotated[list[str], BeforeValidator(lambda value: [value] if isinstance(value, str) else value), Field(min_length=1)] = Field(
-        description="A clip, a photograph, a folder of pictures, or a pattern such as clips/*.mp4; or a list of these."
+        description="A clip, a photograph, a folder of pictures, a pattern such as clips/*.mp4, or s3://bucket/*.mp4; or a list."
     )
     preset: str | None = Field(default=None, description="One of presets, under what is said here.")
     name: Name | None = Field(default=None, description="The result's name, instead of output.name.")
@@ -47,7 +47,9 @@ class Clip(Sections):
 class Output(Section):
     """Where the results go."""
 
-    folder: str = Field(default="restored", min_length=1, description="Relative to the job's file.")
+    folder: str = Field(
+        default="restored", min_length=1, description="Relative to the job's file, or an address such as s3://bucket/folder."
+    )
     name: Name = Field(default="{stem}_rsvideo{ext}", description="With the source's {stem}, {ext} and {folder}.")
 
 

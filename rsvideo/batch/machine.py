@@ -4,29 +4,49 @@ Nothing heavy is imported here, since Dask's workers answer the scheduler while 
 """
 
 import os
+import secrets
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
 
+from rsvideo.batch.places import Place
+from rsvideo.config import address
+from rsvideo.config.address import UnreachableError
+from rsvideo.config.files import UnreadableError
+
+TOKEN = "token"  # the name of the file by which machines prove that they reach one place
+_MOST_BYTES = 1000  # of it
 _turn = threading.Lock()  # an order of a run that died may still be worked on
 _child: "subprocess.Popen[bytes] | None" = None
 
 
-def unseen(token: str, words: str, folders: Sequence[str]) -> str | None:
-    """A folder that this machine does not share with the run, if there is one.
+def unshared(stores: Place, token: str, words: str, sources: Sequence[str]) -> str | None:
+    """Why this machine cannot exchange files with the run, or None.
 
-    The file `token` holds `words` where the disk of the results is shared; the sources are in `folders`.
+    In the place `token` of the stores, a file holds `words` where both reach the same, and this machine leaves one that the run removes.
+    `sources` are folders, and addresses of objects, that it must be able to read.
     """
+    at, proof = stores.at(), stores.within(token)
     try:
-        shared = Path(token).read_text() == words
-        tempfile.TemporaryFile(dir=Path(token).parent).close()
-    except OSError:
-        shared = False
-    folder = str(Path(token).parent)
-    return folder if not shared else next((each for each in folders if not Path(each).is_dir()), None)
+        if proof.read(TOKEN, most=_MOST_BYTES) != words.encode():
+            return f"it finds in {at} what the run has not written there; all machines need the same place under one name"
+        proof.state(secrets.token_hex(8), b".")
+        for at in sources:
+            if address.is_address(at):
+                from rsvideo.batch import objects
+
+                objects.check_readable(at)
+            elif not Path(at).is_dir():
+                raise FileNotFoundError(at)
+    except UnreachableError as error:
+        return f"it cannot use {error.filename}: {error.strerror}"
+    except (OSError, UnreadableError):
+        return f"it does not see {at}, or may not write there; all machines need one disk under one name"
+    except ValueError as error:  # what it lacks
+        return f"it cannot use {at}: {error}"
+    return None
 
 
 def carry_out(order: bytes, threads: int, *, quiet: bool) -> bytes:

@@ -2,23 +2,24 @@
 
 import glob
 import hashlib
-import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from itertools import islice
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
-from rsvideo.batch.job import Clip, JobFile, Overrides, Report, overrides, parsed
+from rsvideo.batch import cache, objects, sources
+from rsvideo.batch.job import JobFile, Overrides, Report, overrides, parsed
+from rsvideo.batch.places import Folder, Place, key
 from rsvideo.batch.recognition import relative
-from rsvideo.config import names, patterns, yaml
+from rsvideo.batch.sources import Source
+from rsvideo.batch.store import FOLDER, Store
+from rsvideo.config import address, names, yaml
 from rsvideo.config.files import UnreadableError
-from rsvideo.config.media import is_clip
-from rsvideo.config.placing import real
+from rsvideo.config.media import SEQUENCES, is_clip, is_sequence
 from rsvideo.config.request import Measured, Request, Sections
 from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, Positions, shown
@@ -27,7 +28,6 @@ from rsvideo.pipeline import deblur, demand, fingerprint
 from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import prepare
 
-MOST_SOURCES = 10_000
 _LONGEST_STEM, _TELLING = 40, 8  # characters of a folder's name
 
 
@@ -37,17 +37,43 @@ class Item:
 
     request: Request
     where: str
+    results: Place  # where the result goes, and what is written with it
+    input: str  # the source, relative to the results where both can be moved together
+
+    @property
+    def source(self) -> str:
+        """What people call it."""
+        return self.request.named
+
+    @property
+    def output(self) -> str:
+        """What people call it."""
+        return self.results.at(self.request.output.name)
+
+    @property
+    def written(self) -> list[str]:
+        """All that is written, as people call it."""
+        return [self.results.at(path.name) for path in self.request.files]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
     """All that a job's file asks for."""
 
-    folder: Path  # of the results
+    folder: Path  # of the results; of those that go elsewhere, the one that is worked in
     working: Path  # of what is kept until all is done
-    job: str  # the job's file, relative to the folder
+    results: Place
+    stores: Place  # where machines leave what they have restored
+    job: str  # the job's file, relative to the results where both can be moved together
     items: tuple[Item, ...]
     report: Report
+
+    def working_in(self, folder: Path) -> "Batch":
+        """The same for a machine that makes no results: those that go elsewhere need no folder beside the job's file."""
+        if isinstance(self.results, Folder):
+            return self
+        items = [replace(item, request=item.request.replaced(output=folder / item.request.output.name)) for item in self.items]
+        return replace(self, folder=folder, items=tuple(items))
 
 
 class Found(BaseModel):
@@ -84,15 +110,26 @@ class Planned:
     cols: int
     seconds: float  # a rough guess at the work
     bytes: int  # of disk, while it lasts
-    overwrite: bool  # whatever stands there; the request's own is true of the job's own results too
+    item: Item  # as it was before its questions were answered
+    store: Store
     mark: Mark
+
+    @property
+    def source(self) -> str:
+        """What people call it."""
+        return self.item.source
+
+    @property
+    def output(self) -> str:
+        """What people call it."""
+        return self.item.output
 
     def values(self, chunks: Sequence[Chunk]) -> dict[str, Any]:
         """The plan as plain values."""
         return {
-            "source": str(self.request.source),
-            "output": str(self.request.output),
-            "sidecar": str(self.request.record),
+            "source": self.source,
+            "output": self.output,
+            "sidecar": self.item.results.at(self.request.record.name),
             "frames": self.frames,
             "rows": self.rows,
             "cols": self.cols,
@@ -122,29 +159,48 @@ def read(path: Path, sets: Sequence[str] = (), *, overwrite: bool = False) -> Ba
     job, wanted = parsed(data, positions), overrides(sets)
     output = job.output.model_copy(update=wanted.output.model_dump(exclude_unset=True))
     report = job.report.model_copy(update=wanted.report.model_dump(exclude_unset=True))
-    folder = path.parent / output.folder
-    items = _without_results(_items(job, wanted, positions, folder, output.name, overwrite=overwrite))
+    batch = _placed(path, output.folder, report, positions)
+    items = _without_results(_items(job, wanted, positions, batch, output.name, overwrite=overwrite))
     _check_results(items, path)
-    name = relative(path, folder)
-    own = hashlib.sha256(name.encode()).hexdigest()[:_TELLING]  # jobs of one name in different folders do not share what they keep
-    working = folder / f".rsvideo-{path.stem[:_LONGEST_STEM]}-{own}"
-    return Batch(folder=folder, working=working, job=name, items=tuple(items), report=report)
+    return replace(batch, items=tuple(items))
 
 
-def settled(
-    batch: Batch, ours: Callable[[Request], bool], found: Mapping[str, Found] = MappingProxyType({})
-) -> list["Planned | Unreadable"]:
-    """Open all sources and answer every question; `ours` says whether what stands under a request's names was written by this very job.
+def _placed(path: Path, folder: str, report: Report, positions: Positions) -> Batch:
+    """A batch without its items: where its results go, and where it works."""
+    stem = path.stem[:_LONGEST_STEM]
+    if not address.is_address(folder):
+        results = Folder(path=path.parent / folder)
+        name = relative(path, results.path)
+        working = results.path / f".rsvideo-{stem}-{_telling(name)}"  # jobs of one name in different folders do not share what they keep
+        stores = Folder(path=working / FOLDER)
+        return Batch(folder=results.path, working=working, results=results, stores=stores, job=name, items=(), report=report)
+    try:
+        if glob.has_magic(folder):
+            raise ValueError(f"must be one address, not a pattern, got {shown(folder)}")
+        results = objects.Objects(address=str(address.parsed(folder)))
+    except ValueError as error:
+        raise ConfigError(positions.fault(("output", "folder"), str(error))) from error
+    working = path.parent / f".rsvideo-{stem}-{_telling(results.address)}"
+    stores = results.within(f".rsvideo-{_telling(path.name)}/{FOLDER}")  # the same from all machines, wherever they keep the job
+    return Batch(folder=working, working=working, results=results, stores=stores, job=path.name, items=(), report=report)
+
+
+def _telling(name: str) -> str:
+    return hashlib.sha256(name.encode()).hexdigest()[:_TELLING]
+
+
+def settled(batch: Batch, ours: Callable[[Item], bool], found: Mapping[str, Found] = MappingProxyType({})) -> list["Planned | Unreadable"]:
+    """Open all sources and answer every question; `ours` says whether what stands under an item's names was written by this very job.
 
     `found` is what need not be looked for again, by the names of the outputs. A damaged source does not hold up the others; a wrong
     request (ConfigError) or an output that exists (FileExistsError) does.
     """
-    plans = [_settled(item, batch.job, ours=ours(item.request), found=found.get(item.request.output.name)) for item in batch.items]
+    plans = [_settled(item, batch, ours=ours(item), found=found.get(item.request.output.name)) for item in batch.items]
     taken: dict[Path, Planned] = {}
     for plan in plans:
         if isinstance(plan, Planned) and (other := taken.setdefault(plan.request.record, plan)) is not plan:
-            sources = f"{plan.request.source} and {other.request.source}"
-            raise ConfigError(f"{sources} would both write {plan.request.record}; give one of them another name")
+            record = plan.item.results.at(plan.request.record.name)
+            raise ConfigError(f"{plan.source} and {other.source} would both write {record}; give one of them another name")
     return plans
 
 
@@ -153,9 +209,12 @@ def chunks(plan: Planned) -> tuple[Chunk, ...]:
     return tuple(deblur.chunks(prepare(plan.request)))
 
 
-def _settled(item: Item, job: str, *, ours: bool, found: Found | None) -> "Planned | Unreadable":
+def _settled(item: Item, batch: Batch, *, ours: bool, found: Found | None) -> "Planned | Unreadable":
     request = item.request.replaced(overwrite=item.request.overwrite or ours)
     try:
+        _check_free(item, overwrite=request.overwrite)
+        if request.origin:
+            cache.bring(request.origin)
         task = prepare(found.stated(request) if found else request)
         demand.check(task)
         settings, source = _fingerprints(request, task.timing)
@@ -163,9 +222,10 @@ def _settled(item: Item, job: str, *, ours: bool, found: Found | None) -> "Plann
     except FileExistsError as error:
         raise FileExistsError(f"{item.where}: {error}") from error
     except UnreadableError as error:
-        return Unreadable(source=str(request.source), output=str(request.output), fault=" ".join(str(error).split()))
+        return Unreadable(source=item.source, output=item.output, fault=" ".join(str(error).split()))
     except ValueError as error:
-        raise ConfigError(f"{item.where}: {request.source}: {error}") from error
+        raise ConfigError(f"{item.where}: {item.source}: {error}") from error
+    mark = Mark(job=batch.job, input=item.input, settings=settings, source=source)
     return Planned(
         request=task.request,
         timing=task.timing,
@@ -177,9 +237,21 @@ def _settled(item: Item, job: str, *, ours: bool, found: Found | None) -> "Plann
         cols=task.cols,
         seconds=float(seconds),
         bytes=int(size),
-        overwrite=item.request.overwrite,
-        mark=Mark(job=job, input=relative(request.source, request.output.parent), settings=settings, source=source),
+        item=item,
+        store=Store.of(batch.stores, item.request.output.name, mark),
+        mark=mark,
     )
+
+
+def _check_free(item: Item, *, overwrite: bool) -> None:
+    """Of results that go elsewhere; those in a folder are checked with all that concerns files."""
+    if isinstance(item.results, Folder):
+        return
+    if item.request.is_clip and (item.request.encoding.codec in SEQUENCES or is_sequence(item.request.source)):
+        raise ValueError("a folder of pictures cannot be a result in object storage; codec must be one that clips are kept in")
+    for path in item.request.files:
+        if not overwrite and item.results.stamp(path.name):
+            raise FileExistsError(f"{item.results.at(path.name)} exists already; give --overwrite to replace it")
 
 
 def _fingerprints(request: Request, timing: ShutterTiming) -> tuple[str, str]:
@@ -192,80 +264,62 @@ def _fingerprints(request: Request, timing: ShutterTiming) -> tuple[str, str]:
 
 
 def _items(
-    job: JobFile, wanted: Overrides, positions: Positions, folder: Path, pattern: str, *, overwrite: bool
+    job: JobFile, wanted: Overrides, positions: Positions, batch: Batch, pattern: str, *, overwrite: bool
 ) -> Iterator[tuple[Item, bool]]:
     """What the entries come to, each with whether its source is named itself, not only matched by a pattern."""
+    beside = positions.path.parent
     for number, clip in enumerate(job.clips):
         layers = job.sections(clip, wanted)
-        sections = Sections.layered(layers).files_beside(positions.path.parent)
+        whole = Sections.layered(layers).files_beside(beside)
         of_photographs = [
-            Sections.layered(each if each is clip and named else each.without_clips_options() for each in layers).files_beside(
-                positions.path.parent
-            )
+            Sections.layered(each if each is clip and named else each.without_clips_options() for each in layers).files_beside(beside)
             for named in (False, True)
         ]
-        for place, source, named in _sources(clip, number, positions):
-            output = folder / _result_name(source, clip.name or pattern)
-            treated = sections if is_clip(source) else of_photographs[named]
-            yield Item(request=Request.of(source, output, treated, overwrite=overwrite), where=positions.where(place)), named
+        for at, name in enumerate(clip.source):
+            place = ("clips", number, "source", at)
+            for source in sources.meant(name, place, positions):
+                output = batch.folder / _result_name(source, clip.name or pattern)
+                treated = whole if is_clip(source.path) else of_photographs[source.named]
+                request = Request.of(source.path, output, treated, overwrite=overwrite, origin=source.origin)
+                given = _input(source, batch.results, positions.path.parent)
+                yield Item(request=request, where=positions.where(place), results=batch.results, input=given), source.named
 
 
-def _result_name(source: Path, pattern: str) -> str:
-    parts = {"stem": source.name if source.is_dir() else source.stem, "ext": "" if source.is_dir() else source.suffix}
-    parts["folder"] = source.absolute().parent.name
+def _input(source: Source, results: Place, beside: Path) -> str:
+    """A source as a result's mark names it: the same on all machines, and where both are moved together."""
+    if source.origin is None:
+        return relative(source.path, results.path if isinstance(results, Folder) else beside)
+    return source.origin.address if isinstance(results, Folder) else address.relative(source.origin.address, results.at())
+
+
+def _result_name(source: Source, pattern: str) -> str:
+    parts = source.parts
     return re.sub(r"\{(\w+)\}", lambda match: parts[match[1]], pattern)
-
-
-def _sources(clip: Clip, number: int, positions: Positions) -> Iterator[tuple[tuple[str | int, ...], Path, bool]]:
-    folder = positions.path.parent
-    for at, pattern in enumerate(clip.source):
-        place = ("clips", number, "source", at)
-        path = folder / pattern
-        if not pattern.strip() or "\0" in pattern:
-            raise ConfigError(positions.fault(place, f"must name a clip or a photograph, got {shown(pattern)}"))
-        if os.path.exists(path):  # noqa: PTH110 # Path.exists raises on a name that is too long
-            yield place, path, True
-        elif not glob.has_magic(pattern):
-            raise UnreadableError(positions.fault(place, f"{path} does not exist; names are relative to the folder of the job's file"))
-        else:
-            try:
-                found = sorted(set(islice(patterns.matching(pattern, folder), MOST_SOURCES + 1)))
-            except ValueError as error:
-                raise ConfigError(positions.fault(place, str(error))) from error
-            if not found:
-                raise ConfigError(positions.fault(place, f"nothing in {folder.absolute()} matches {shown(pattern)}"))
-            if len(found) > MOST_SOURCES:
-                raise ConfigError(positions.fault(place, f"{shown(pattern)} must match at most {MOST_SOURCES} files"))
-            for each in found:
-                yield place, each, False
 
 
 def _without_results(items: Iterator[tuple[Item, bool]]) -> list[Item]:
     """A pattern such as *.mp4 does not mean what the job itself has written beside its sources."""
     all_of_them = list(items)
-    by_result = {real(item.request.output): item for item, _ in all_of_them}
-    return [each for each, named in all_of_them if named or by_result.get(real(each.request.source)) in (None, each)]
+    by_result = {key(item.output): item for item, _ in all_of_them}
+    return [each for each, named in all_of_them if named or by_result.get(key(each.source)) in (None, each)]
 
 
 def _check_results(items: Sequence[Item], job: Path) -> None:
     """Refuse names of results that cannot be, and those of sources, of each other and of anything else that the job reads."""
-    taken: dict[Path, Item] = {}
-    sources = {real(item.request.source): item for item in items}
-    inputs = {real(path) for item in items for path in item.request.inputs} | {real(job)}
+    taken: dict[str, Item] = {}
+    by_source = {key(item.source): item for item in items}
+    inputs = {key(str(path)) for item in items for path in item.request.inputs} | {key(str(job)), *by_source}
     for item in items:
-        output = item.request.output
         try:
             names.check(*item.request.files)
         except ValueError as error:
             raise ConfigError(f"{item.where}: {error}") from error
-        if (other := taken.setdefault(output, item)) is not item:
+        if (other := taken.setdefault(item.output, item)) is not item:
             raise ConfigError(
-                f"{item.where}: {item.request.source} would write {output}, as {other.request.source} does ({other.where});"
+                f"{item.where}: {item.source} would write {item.output}, as {other.source} does ({other.where});"
                 " each source needs a name of its own: {folder} in output.name stands for the source's folder"
             )
-        if (other := sources.get(real(output))) is not None:
-            raise ConfigError(f"{item.where}: {output} is the result of {item.request.source} and a source too ({other.where})")
-        if (path := next((path for path in item.request.files if real(path) in inputs), None)) is not None:
-            raise ConfigError(
-                f"{item.where}: {path} would be written with the result of {item.request.source}, and is read by this job too"
-            )
+        if (other := by_source.get(key(item.output))) is not None:
+            raise ConfigError(f"{item.where}: {item.output} is the result of {item.source} and a source too ({other.where})")
+        if (read := next((written for written in item.written if key(written) in inputs), None)) is not None:
+            raise ConfigError(f"{item.where}: {read} would be written with the result of {item.source}, and is read by this job too")

@@ -1,17 +1,19 @@
 """Which results are a job's own: those that its ledger names, and those whose sidecar states the job, the input and the content."""
 
-import contextlib
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rsvideo.batch.ledger import Entry, Ledger
+from rsvideo.batch.places import Place
 from rsvideo.config import sidecar
-from rsvideo.config.files import digest
 from rsvideo.config.placing import real
 from rsvideo.config.printable import in_unicode
-from rsvideo.config.request import Request
 from rsvideo.config.sidecar import Mark, Written
+
+if TYPE_CHECKING:
+    from rsvideo.batch.plan import Item
 
 
 def relative(path: Path, folder: Path) -> str:
@@ -19,65 +21,55 @@ def relative(path: Path, folder: Path) -> str:
     return in_unicode(os.path.relpath(real(path), real(folder)))
 
 
-def owned(request: Request, job: str, ledger: Ledger) -> Entry | None:
-    """What the ledger holds of a request, if it is of the same input; of a ledger that was recovered, what the sidecar states."""
-    source = relative(request.source, request.output.parent)
-    if (entry := ledger.entry(request.output.name)) is not None:
-        return entry if entry.input == source else None
-    if not ledger.recovered or (stated := _stated(request, job, source)) is None:
+def owned(item: "Item", job: str, ledger: Ledger) -> Entry | None:
+    """What the ledger holds of an item, if it is of the same input; of a ledger that was recovered, what the sidecar states."""
+    if (entry := ledger.entry(item.request.output.name)) is not None:
+        return entry if entry.input == item.input else None
+    if not ledger.recovered or (stated := _stated(item, job)) is None:
         return None
-    ours = (*stated.sha256.values(), *digests([request.record]))
-    return Entry(input=source, settings=None, source=None, ours=ours)
+    ours = (*stated.sha256.values(), *digests(item.results, [item.request.record.name]))
+    return Entry(input=item.input, settings=None, source=None, ours=ours)
 
 
-def may_replace(request: Request, job: str, ledger: Ledger) -> bool:
-    """Whether all that stands under a request's names was written by the job from this input."""
-    entry = owned(request, job, ledger)
-    return entry is not None and all(_is_ours(path, entry) for path in request.files if os.path.lexists(path))
+def may_replace(item: "Item", job: str, ledger: Ledger) -> bool:
+    """Whether all that stands under an item's names was written by the job from this input."""
+    entry = owned(item, job, ledger)
+    there = [path.name for path in item.request.files if item.results.stamp(path.name) is not None]
+    return entry is not None and all(_is_ours(item.results, name, entry) for name in there)
 
 
-def finished(request: Request, mark: Mark) -> Written | None:
+def finished(item: "Item", mark: Mark) -> Written | None:
     """What the sidecar states of a result, if it is the one that a mark is of, and all of it is there."""
-    found = _stated(request, mark.job, mark.input)
-    names = {in_unicode(path.name): path for path in request.files}
+    found = _stated(item, mark.job)
+    names = {in_unicode(path.name): path.name for path in item.request.files}
     if (
         found is None
         or found.mark != mark
-        or in_unicode(request.output.name) not in found.sha256
+        or in_unicode(item.request.output.name) not in found.sha256
         or not found.sha256.keys() <= names.keys()
     ):
         return None
-    there = all(not names[name].is_symlink() and digests([names[name]]) == (held,) for name, held in found.sha256.items())
+    there = all(item.results.digest(names[name]) == held for name, held in found.sha256.items())
     return found if there else None
 
 
-def stamps(paths: Iterable[Path]) -> dict[str, tuple[int, int]]:
-    """Sizes and times of the last change of files that exist: while they are the same, nobody has touched them."""
-    found = {}
-    for path in paths:
-        with contextlib.suppress(OSError):
-            stat = path.lstat()
-            found[path.name] = (stat.st_size, stat.st_mtime_ns)
-    return found
+def stamps(results: Place, names: Iterable[str]) -> dict[str, tuple[int, int]]:
+    """Of files that exist: while they are the same, nobody has touched them."""
+    found = {name: results.stamp(name) for name in names}
+    return {name: stamp for name, stamp in found.items() if stamp is not None}
 
 
-def digests(paths: Iterable[Path]) -> tuple[str, ...]:
+def digests(results: Place, names: Iterable[str]) -> tuple[str, ...]:
     """Of what can be read."""
-    found = []
-    for path in paths:
-        with contextlib.suppress(OSError):
-            found.append(digest(path))
-    return tuple(found)
+    return tuple(digest for name in names if (digest := results.digest(name)) is not None)
 
 
-def _stated(request: Request, job: str, source: str) -> Written | None:
-    """What the sidecar states, if it says that this job made it from this input."""
-    found = sidecar.written(request.record)
-    return found if found and found.mark and (found.mark.job, found.mark.input) == (job, source) else None
+def _stated(item: "Item", job: str) -> Written | None:
+    """What the sidecar states, if it says that this job made it from the item's input."""
+    with item.results.on_disk(item.request.record.name, most=sidecar.MOST_BYTES) as path:
+        found = sidecar.written(path)
+    return found if found and found.mark and (found.mark.job, found.mark.input) == (job, item.input) else None
 
 
-def _is_ours(path: Path, entry: Entry) -> bool:
-    if path.is_symlink():
-        return False
-    (stamp,) = stamps([path]).values() or (None,)
-    return entry.stamps.get(path.name) == stamp or any(each in entry.ours for each in digests([path]))
+def _is_ours(results: Place, name: str, entry: Entry) -> bool:
+    return entry.stamps.get(name) == results.stamp(name) or results.digest(name) in entry.ours

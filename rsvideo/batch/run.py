@@ -1,7 +1,6 @@
 """The work itself: chunks of all clips in one queue, each kept as soon as it is done."""
 
 import contextlib
-import os
 import secrets
 import time
 from bisect import insort
@@ -13,9 +12,8 @@ from typing import Literal
 from rsvideo.batch import recognition
 from rsvideo.batch.ledger import Entry, Ledger
 from rsvideo.batch.plan import Planned, Unreadable
-from rsvideo.batch.store import Store
 from rsvideo.batch.workers import Cut, Failed, Finish, Hands, Order, Restore, failed
-from rsvideo.config.placing import place, uninterrupted
+from rsvideo.config.placing import uninterrupted
 from rsvideo.pipeline import fingerprint
 from rsvideo.pipeline.pieces import Chunk, Finished
 from rsvideo.progress import Progress
@@ -63,9 +61,6 @@ class _Clip:
     @property
     def name(self) -> str:
         return self.plan.request.output.name
-
-    def store(self, ledger: Ledger) -> Store:
-        return Store.of(ledger.folder, self.name, self.plan.mark)
 
     @property
     def done(self) -> float:
@@ -126,7 +121,7 @@ class _Run:
     def take_up(self, clip: _Clip) -> None:
         """Go on where an earlier run ended, as far as what it left can be trusted."""
         request, mark = clip.plan.request, clip.plan.mark
-        entry, fault = recognition.owned(request, mark.job, self.ledger), None
+        entry, fault = recognition.owned(clip.plan.item, mark.job, self.ledger), None
         if self.take_over(clip, entry):
             return
         if entry is None or entry.settings is None:
@@ -149,32 +144,33 @@ class _Run:
 
     def take_over(self, clip: _Clip, entry: Entry | None) -> bool:
         """Whether a clip is done already, by its ledger or, where that was lost, by its sidecar."""
-        request, mark = clip.plan.request, clip.plan.mark
+        request, mark, results = clip.plan.request, clip.plan.mark, clip.plan.item.results
+        names = [path.name for path in request.files]
         if entry is not None and entry.result is not None and (entry.settings, entry.source) == (mark.settings, mark.source):
-            held, found = entry.stamps.get(request.output.name), recognition.stamps([request.output]).get(request.output.name)
-            if held is None or held != found or not request.record.is_file():
+            held = entry.stamps.get(request.output.name)
+            if held is None or held != results.stamp(request.output.name) or results.stamp(request.record.name) is None:
                 return False
             clip.result = Result(**{**entry.result, "notes": tuple(entry.result["notes"])})
-        elif self.ledger.recovered and not self.ledger.fresh and (written := recognition.finished(request, mark)):
-            source, output = str(request.source), str(request.output)
+        elif self.ledger.recovered and not self.ledger.fresh and (written := recognition.finished(clip.plan.item, mark)):
             counts = {"restored": written.restored, "left": written.left, "failed": written.failed, "seconds": written.seconds}
-            clip.result = Result(source=source, output=output, notes=written.notes, **counts)
-            ours = (*written.sha256.values(), *recognition.digests([request.record]))
+            clip.result = Result(source=clip.plan.source, output=clip.plan.output, notes=written.notes, **counts)
+            ours = (*written.sha256.values(), *recognition.digests(results, [request.record.name]))
             self.ledger.begin(clip.name, Entry(input=mark.input, settings=mark.settings, source=mark.source, ours=ours))
-            self.ledger.done(clip.name, asdict(clip.result), recognition.stamps(request.files))
+            self.ledger.done(clip.name, asdict(clip.result), recognition.stamps(results, names))
         else:
             return False
         self.tell("resumed", clip, "is done already")
         return True
 
     def lay_out(self, clip: _Clip, chunks: tuple[Chunk, ...]) -> None:
-        records, store = self.ledger.records(clip.name), clip.store(self.ledger)
+        records, store = self.ledger.records(clip.name), clip.plan.store
         folder = self.ledger.place(clip.name) / self.made_in
         clip.chunks = chunks
+        in_store = store.there()
         for chunk in chunks:
             if chunk.index in records:
                 clip.records[chunk.index] = records[chunk.index]
-            elif (record := store.record(chunk)) and store.fetch(chunk, record, folder):
+            elif in_store and (record := store.record(chunk)) and store.fetch(chunk, record, folder):
                 self.keep(clip, chunk, record, folder)
             else:
                 self.add(Restore(request=clip.plan.request, chunk=chunk, folder=folder, store=store))
@@ -192,17 +188,18 @@ class _Run:
         if self.is_taken(clip):
             return
         if _source(request.source) != mark.source:
-            self.fail(clip, Failed(words=f"{request.source} changed while it was read", unreadable=True))
+            self.fail(clip, Failed(words=f"{clip.plan.source} changed while it was read", unreadable=True))
             return
         records = tuple(clip.records[chunk.index] for chunk in clip.chunks)
         self.add(Finish(request=request, records=records, folder=self.ledger.place(clip.name), mark=mark))
 
     def is_taken(self, clip: _Clip) -> bool:
         """Whether something that is not the job's own has appeared under the result's names, which then fails."""
-        request = clip.plan.request
-        if clip.plan.overwrite or recognition.may_replace(request, clip.plan.mark.job, self.ledger):
+        item = clip.plan.item
+        if item.request.overwrite or recognition.may_replace(item, clip.plan.mark.job, self.ledger):
             return False
-        there = next(path for path in request.files if os.path.lexists(path))
+        if (there := next((item.results.at(path.name) for path in item.request.files if item.results.stamp(path.name)), None)) is None:
+            return False
         self.fail(clip, Failed(words=f"{there} has appeared or changed meanwhile; give --overwrite to replace it"))
         return True
 
@@ -211,25 +208,25 @@ class _Run:
         if self.is_taken(clip):
             return
         self.ledger.intend(clip.name, [made.sha256 for made in finished.made])
-        request, outcome = clip.plan.request, finished.outcome
+        results, outcome = clip.plan.item.results, finished.outcome
         result = Result(
-            source=str(request.source),
-            output=str(request.output),
+            source=clip.plan.source,
+            output=clip.plan.output,
             restored=outcome.restored,
             left=outcome.left,
             failed=outcome.failed,
             seconds=outcome.seconds,
             notes=tuple(outcome.notes),
         )
-        with uninterrupted():
+        with uninterrupted() if results.at_once else contextlib.nullcontext():
             try:
-                place(finished.made)
+                results.publish(finished.made)
             except OSError as error:
                 self.retry_or_fail(clip, order, failed(error))
                 return
-            self.ledger.done(clip.name, asdict(result), recognition.stamps(request.files))
-            clip.store(self.ledger).remove()
+            self.ledger.done(clip.name, asdict(result), recognition.stamps(results, [path.name for path in clip.plan.request.files]))
             clip.result = result
+        clip.plan.store.remove()
         self.tell("finished", clip)
 
     def take(self, clip: _Clip, order: Order, answer: object) -> None:
@@ -267,8 +264,7 @@ class _Run:
             return
         for queue in self.queues.values():
             queue[:] = [order for order in queue if order.request.output != clip.plan.request.output]
-        source, output = str(clip.plan.request.source), str(clip.plan.request.output)
-        clip.result = Result(source=source, output=output, fault=failed.words, unreadable=failed.unreadable)
+        clip.result = Result(source=clip.plan.source, output=clip.plan.output, fault=failed.words, unreadable=failed.unreadable)
         self.tell("failed", clip, failed.words)
 
     def tell(self, event: Kind, clip: _Clip, words: str = "", *, frame: int | None = None) -> None:
@@ -277,9 +273,17 @@ class _Run:
         if event != "resumed" and done > self.already:
             left = (frames - done) * (self.clock() - self.started) / (done - self.already)
         fraction = clip.done / max(1, clip.plan.frames)
-        output = str(clip.plan.request.output)
         self.observe(
-            Event(event=event, output=output, words=words, frame=frame, fraction=fraction, done=done, frames=frames, seconds_left=left)
+            Event(
+                event=event,
+                output=clip.plan.output,
+                words=words,
+                frame=frame,
+                fraction=fraction,
+                done=done,
+                frames=frames,
+                seconds_left=left,
+            )
         )
 
 

@@ -193,9 +193,12 @@ def _of_source(source: Path, wanted: _Wanted, kept: Path) -> _Work:
 
 
 def _of_job(path: Path, wanted: _Wanted, kept: Path, sets: Iterable[str]) -> list[_Work]:
-    from rsvideo.batch import plan
+    from rsvideo.batch import cache, plan
 
     batch = plan.read(path, tuple(sets), overwrite=True)
+    for origin in (item.request.origin for item in batch.items):
+        if origin:
+            cache.bring(origin)
     logs = any(item.request.motion.states_gyro for item in batch.items)
     works = []
     for request in (item.request for item in batch.items):

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from types import FrameType
 
 from rsvideo.cli.terminal import say
+from rsvideo.config.address import UnreachableError
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.lock import BusyError
 from rsvideo.config.placing import SIGNALS
@@ -60,6 +61,8 @@ def refusing() -> Iterator[None]:
         yield
     except UnreadableError:
         raise
+    except UnreachableError as error:
+        raise RefusedError(f"{error.filename} cannot be used: {error.strerror}") from error
     except ValueError as error:
         *others, last = getattr(error, "faults", (str(error),))  # a file of settings may have several
         for fault in others:

@@ -6,10 +6,11 @@ from typing import Annotated
 
 from typer import Option
 
+from rsvideo.cli.batches import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, print_json, read
 from rsvideo.cli.exit_codes import Code, note, refusing
-from rsvideo.cli.run import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, print_json, read
 from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
+from rsvideo.config import placing
 
 
 def chunks(path: Job, sets: Sets = None, overwrite: Overwrite = False) -> int:
@@ -26,7 +27,7 @@ def chunks(path: Job, sets: Sets = None, overwrite: Overwrite = False) -> int:
         cut = farm.laid_out(batch, plans)
     for each in plans:
         if isinstance(each, plan.Planned):
-            note(f"{each.request.source}: {words}" for words in each.notes)
+            note(f"{each.source}: {words}" for words in each.notes)
         else:
             say(each.fault)
     print_json(farm.values(cut, batch))
@@ -47,17 +48,15 @@ def work(
     from rsvideo.cli import quiet
 
     batch = read(path, sets, overwrite=True)  # nothing gets a name here
-    with refusing(), quiet.c_libraries():
-        orders = farm.orders(batch, farm.layout(batch, path), farm.numbers(wanted))
     faults = []
-    with (
-        tempfile.TemporaryDirectory(prefix="rsvideo-", ignore_cleanup_errors=True) as folder,
-        workers.crew(most=jobs, quiet=quiet.wanted()) as crew,
-    ):
-        for number, fault in farm.restored(orders, crew, Path(folder)):
-            if fault is not None:
-                faults.append(fault)
-                say(f"chunk {number} failed: {fault.words}")
+    with placing.aside(Path(tempfile.gettempdir())) as folder:
+        with refusing(), quiet.c_libraries():
+            orders = farm.orders(batch.working_in(folder), farm.layout(batch, path), farm.numbers(wanted))
+        with workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
+            for number, fault in farm.restored(orders, crew, folder):
+                if fault is not None:
+                    faults.append(fault)
+                    say(f"chunk {number} failed: {fault.words}")
     if not faults:
         return Code.DONE
     return Code.UNREADABLE if all(fault.unreadable for fault in faults) else Code.FAILED

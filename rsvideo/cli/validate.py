@@ -26,10 +26,9 @@ def validate(
         from rsvideo.batch import plan
 
         batch = plan.read(path, sets or ())
-    requests = [item.request for item in batch.items]
-    for request in requests:
-        print(f"{printable(str(request.source))}\t{printable(str(request.output))}")
-    say(f"{path} is valid: {counted([request.is_clip for request in requests])}")
+    for item in batch.items:
+        print(f"{printable(item.source)}\t{printable(item.output)}")
+    say(f"{path} is valid: {counted([item.request.is_clip for item in batch.items])}")
 
 
 def counted(clips: Sequence[bool]) -> str:

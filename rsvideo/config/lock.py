@@ -39,10 +39,25 @@ def locked(folder: Path, *, certain: bool = False) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _held(descriptor: int, folder: Path, *, certain: bool) -> bool:
+@contextlib.contextmanager
+def shared(folder: Path) -> Iterator[None]:
+    """Hold a folder together with others who do so too, so that nobody has it for himself; raises BusyError where somebody has."""
+    if fcntl is None:
+        yield
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        if not _held(descriptor, folder, certain=False, kind=fcntl.LOCK_SH):
+            raise BusyError(folder)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _held(descriptor: int, folder: Path, *, certain: bool, kind: int | None = None) -> bool:
     assert fcntl is not None
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, (fcntl.LOCK_EX if kind is None else kind) | fcntl.LOCK_NB)
         return os.path.samestat(os.fstat(descriptor), folder.stat())
     except (BlockingIOError, FileNotFoundError):
         return False

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic_core import PydanticUndefined
 
 from rsvideo.config import media, option
+from rsvideo.config.address import Origin
 from rsvideo.config.media import Codec
 from rsvideo.config.method import Method
 from rsvideo.config.option import Option, OptionField
@@ -277,11 +278,17 @@ class Request(Sections):
     overwrite: bool = False
     motion_only: bool = False  # OUTPUT is the motion's sidecar, and no picture is written
     measured: Measured | None = None  # once the request is prepared
+    origin: Origin | None = None  # the object that the source is a copy of
 
     @classmethod
-    def of(cls, source: Path, output: Path, sections: Sections, *, overwrite: bool = False) -> "Request":
+    def of(cls, source: Path, output: Path, sections: Sections, *, overwrite: bool = False, origin: Origin | None = None) -> "Request":
         """The request for one source."""
-        return cls.model_validate({"source": source, "output": output, "overwrite": overwrite, **sections.stated()})
+        return cls.model_validate({"source": source, "output": output, "overwrite": overwrite, "origin": origin, **sections.stated()})
+
+    @property
+    def named(self) -> str:
+        """What people call the source: its address, or its path."""
+        return self.origin.address if self.origin else str(self.source)
 
     @property
     def is_clip(self) -> bool:

@@ -62,7 +62,7 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     if task.request.motion.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
     ended = outcome(task, verdicts, seconds, notes)
-    record = sidecar.encoded(str(task.request.source), _settings(task), frame_records(records, folder), stated(ended, made, mark))
+    record = sidecar.encoded(task.request.named, _settings(task), frame_records(records, folder), stated(ended, made, mark))
     return Finished(outcome=ended, made=(*made, made_within(within, task.request.record, record)))
 
 

@@ -27,7 +27,7 @@ def of_source(path: Path) -> str:
 
 def of_request(request: Request) -> str:
     """Of all that steers the work, and of the program; files by what they hold, not by where they are."""
-    stated = request.model_dump(mode="json", exclude={"source", "output", "overwrite"})
+    stated = request.model_dump(mode="json", exclude={"source", "output", "overwrite", "origin"})
     for each in option_fields():
         value = request.value(each)
         if each.option.is_file and value is not None and Path(value).is_file():

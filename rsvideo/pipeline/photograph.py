@@ -82,5 +82,5 @@ def _made(task: Task, data: bytes, frame: FrameRecord, notes: tuple[str, ...], f
     outcome = Outcome(notes=notes, restored=int(restored), left=int(not restored), seconds=frame.seconds, verdict=verdict)
     picture = made_within(folder, task.request.output, data)
     settings, written = output.settings_record(task, task.still.transfer.value), stated(outcome, [picture], mark)
-    record = sidecar.Sidecar(input=str(task.request.source), settings=settings, written=written, frames=[frame]).encode()
+    record = sidecar.Sidecar(input=task.request.named, settings=settings, written=written, frames=[frame]).encode()
     return Finished(outcome=outcome, made=(picture, made_within(folder, task.request.record, record)))

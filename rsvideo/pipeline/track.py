@@ -51,7 +51,7 @@ def carry_out(task: Task, observe: Observer) -> Outcome:
     digest = sha256(*(stream.files or (stream.path,)))
     settings = output.settings_record(task, stream.colour.transfer.value, input_sha256=digest)
     with aside(path.parent) as folder:
-        place([made_within(folder, path, sidecar.encoded(str(task.request.source), settings, counted()))])
+        place([made_within(folder, path, sidecar.encoded(task.request.named, settings, counted()))])
     straightened = sum(verdicts[verdict] for verdict in Verdict if verdict.straightened)
     restored, alone = verdicts[Verdict.RESTORED], verdicts[ALONE]
     return Outcome(restored=restored, straightened=straightened, alone=alone, left=verdicts.total() - restored - straightened - alone)

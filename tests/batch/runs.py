@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -26,6 +27,12 @@ def call(*words: object, how: Callable[[], None] | None = None, **mishaps: objec
     return subprocess.run(
         program, capture_output=True, encoding="utf-8", timeout=120, env=environment(mishaps), check=False, preexec_fn=how
     )
+
+
+def begun(tally: Path, chunks: int) -> None:
+    """Wait until so many chunks have been begun."""
+    while not tally.exists() or tally.read_text().count("\n") < chunks:
+        time.sleep(0.01)
 
 
 @contextlib.contextmanager

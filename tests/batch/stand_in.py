@@ -10,6 +10,9 @@ KILLED_ONCE: a file, absent, that will note that a worker has died
 HELD: the `clip number` of a chunk that takes a minute
 FULL: the number of a chunk that finds the disk full
 CHANGED: a clip that changes while it is read
+UNSEEN: a folder that lies on another machine
+REFUSED: an object that cannot be uploaded
+UPLOADED: an object after whose upload the command is killed
 ORPHANED: a result after which the command is killed; TALLY then gets the number of the worker that is left
 """
 
@@ -29,6 +32,7 @@ from types import ModuleType
 
 import rsvideo.pipeline
 from rsvideo.config import placing
+from rsvideo.config.address import UnreachableError
 from rsvideo.config.files import UnreadableError, made_within, write_whole
 from rsvideo.config.placing import Made
 from rsvideo.config.request import Request
@@ -66,6 +70,9 @@ def prepare(request: Request, piped: object = None) -> Task:
     camera = request.camera
     if camera.exposure is None:
         raise ValueError("exposure must be given, it is not in the file")
+    for path in (request.source, request.output):
+        if (unseen := os.environ.get("UNSEEN")) and Path(unseen) in path.parents:
+            raise UnreadableError(f"{path} is on another machine")
     data = request.source.read_bytes()
     if data.startswith(b"BAD"):
         raise UnreadableError(f"{request.source} is damaged")
@@ -128,9 +135,12 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     return Finished(outcome=outcome, made=(made, record))
 
 
+place = placing.place
+
+
 def place_and_die(made: Sequence[Made]) -> None:
     """As a run does that is killed when the result has its names and the ledger does not know."""
-    placing.place(made)
+    place(made)
     if os.environ.get("ORPHANED") in [each.path.name for each in made]:
         (worker,) = multiprocessing.active_children()
         Path(os.environ["TALLY"]).write_text(f"{worker.pid}")
@@ -145,8 +155,19 @@ for name, held in core.items():  # in the workers too, which import this file by
     setattr(rsvideo.pipeline, name, module)
 
 if __name__ == "__main__":
-    from rsvideo.batch import run
+    from rsvideo.batch import objects
     from rsvideo.cli import main
 
-    run.place = place_and_die
+    upload = objects.Objects._upload
+
+    def refuse(self: objects.Objects, name: str, content: Path | bytes) -> None:
+        """As the owner of a bucket may, or a network that goes away."""
+        if name == os.environ.get("REFUSED"):
+            raise UnreachableError(errno.EIO, "no access", self.at(name))
+        upload(self, name, content)
+        if name == os.environ.get("UPLOADED"):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    placing.place = place_and_die
+    objects.Objects._upload = refuse
     main()

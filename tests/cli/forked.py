@@ -40,6 +40,7 @@ _WITHIN_FUNCTIONS = (
     "rich.console",
     "rich.progress",
     "rich.table",
+    "s3fs",
     "tifffile",
     "typer",
     "yaml",

@@ -6,13 +6,13 @@ import random
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.batch.runs import STAND_IN, call, environment, under_way
+from rsvideo.config import placing
+from tests.batch.runs import STAND_IN, begun, call, environment, under_way
 from tests.robustness import jobs
 
 FARMS = Path(__file__).resolve().parents[2] / "configs" / "farms"
@@ -93,8 +93,7 @@ def test_a_run_goes_on_from_what_a_farm_has_restored(job: Path, whole: jobs.File
 def test_workers_that_are_killed_or_find_the_disk_full_leave_nothing_half_done(job: Path, whole: jobs.Files) -> None:
     tally = job.with_name("tally")
     with under_way("work", job, "--chunks", ALL, PACE=0.01, TALLY=tally) as working:
-        while not tally.exists() or tally.read_text().count("\n") < 3:
-            time.sleep(0.01)
+        begun(tally, 3)
         os.kill(working.pid, signal.SIGKILL)
     done = work(job, ALL, KILLED="three.mp4 2", FULL=3)
     assert done.returncode == 1
@@ -104,6 +103,19 @@ def test_workers_that_are_killed_or_find_the_disk_full_leave_nothing_half_done(j
     assert also_full.startswith("rsvideo: chunk 8 failed: ")
     assert work(job, "3,7,8").returncode == 0
     finished(job, whole)
+
+
+def test_what_a_worker_that_was_killed_has_left_is_cleared_away_by_the_next(job: Path, tmp_path: Path) -> None:
+    own, tally = tmp_path / "own", job.with_name("tally")
+    own.mkdir()
+    with placing.aside(own) as of_one_that_lives:
+        with under_way("work", job, "--chunks", "0", HELD="one.mp4 0", TALLY=tally, TMPDIR=own) as working:
+            begun(tally, 1)
+            os.kill(working.pid, signal.SIGKILL)
+            working.wait()
+        assert len(list(own.iterdir())) == 2
+        assert work(job, "1", TMPDIR=own).returncode == 0
+        assert list(own.iterdir()) == [of_one_that_lives]
 
 
 def settings_changed(job: Path) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.batch.runs import STAND_IN, call, environment, under_way
+from tests.batch.runs import STAND_IN, begun, call, environment, under_way
 
 CLIPS = {"a b.mp4": b"abcdefghijklmn", "\u00fcber.mov": b"klmnopqr", "c.mp4": b"stuvwxyz01234"}
 JOB = """\
@@ -42,12 +42,6 @@ def job(tmp_path: Path) -> Path:
     path = tmp_path / "job.yaml"
     path.write_text(JOB, encoding="utf-8")
     return path
-
-
-def begun(tally: Path, chunks: int) -> None:
-    """Wait until so many chunks have been begun."""
-    while not tally.exists() or tally.read_text().count("\n") < chunks:
-        time.sleep(0.01)
 
 
 def results(job: Path, folder: str = "restored") -> dict[str, bytes]:

@@ -4,15 +4,17 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from rsvideo.batch import machine
+from rsvideo.batch.objects import Objects
+from rsvideo.batch.places import Folder
 from tests.batch import clusters
-from tests.batch.runs import call, under_way
+from tests.batch.buckets import Bucket
+from tests.batch.runs import begun, call, under_way
 from tests.robustness import jobs
 
 
@@ -34,11 +36,6 @@ def machines(tmp_path: Path) -> Iterator[clusters.Machines]:
     (tmp_path / "dask").mkdir()
     with clusters.running(tmp_path / "dask") as machines:
         yield machines
-
-
-def begun(tally: Path, chunks: int) -> None:
-    while not tally.exists() or tally.read_text().count("\n") < chunks:
-        time.sleep(0.01)
 
 
 def test_a_cluster_on_this_machine_writes_the_bytes_of_a_run(job: Path, whole: jobs.Files) -> None:
@@ -74,12 +71,26 @@ def test_without_the_extra_the_command_says_how_to_get_it(job: Path) -> None:
 
 
 def test_a_machine_says_which_folder_it_does_not_share(tmp_path: Path) -> None:
-    token = tmp_path / "token"
-    token.write_text("words")
-    assert machine.unseen(str(token), "words", [str(tmp_path)]) is None
-    assert machine.unseen(str(token), "others", []) == str(tmp_path)
-    assert machine.unseen(str(tmp_path / "x" / "token"), "words", []) == str(tmp_path / "x")
-    assert machine.unseen(str(token), "words", [str(tmp_path), "/clips"]) == "/clips"
+    stores = Folder(path=tmp_path / "store")
+    stores.within("run").state(machine.TOKEN, b"words")
+    assert machine.unshared(stores, "run", "words", [str(tmp_path)]) is None
+    assert f"it finds in {tmp_path}/store what the run has not written" in str(machine.unshared(stores, "run", "others", []))
+    assert f"it does not see {tmp_path}/x," in str(machine.unshared(Folder(path=tmp_path / "x"), "run", "words", []))
+    assert "it does not see /clips," in str(machine.unshared(stores, "run", "words", [str(tmp_path), "/clips"]))
+
+
+def test_a_machine_says_which_bucket_it_cannot_use(bucket: Bucket, tmp_path: Path) -> None:
+    stores = Objects(address=f"{bucket.address}/store")
+    stores.within("run").state(machine.TOKEN, b"words")
+    bucket.put(**{"clips/a.mp4": b"clip"})
+    assert machine.unshared(stores, "run", "words", [f"{bucket.address}/clips/a.mp4"]) is None
+    assert "it finds in s3://" in str(machine.unshared(stores, "run", "others", []))
+    missing = f"{bucket.address}/clips/b.mp4"
+    assert machine.unshared(stores, "run", "words", [missing]) == f"it cannot use {missing}: it does not exist"
+    elsewhere = Objects(address="s3://no-such-bucket-of-ours/store")
+    assert "it cannot use s3://no-such-bucket-of-ours/store/run/token: there is no bucket" in str(
+        machine.unshared(elsewhere, "run", "words", [])
+    )
 
 
 @pytest.mark.long

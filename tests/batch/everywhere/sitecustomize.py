@@ -1,6 +1,7 @@
 """On PYTHONPATH, gives every Python process the core that costs nothing: also those that the command does not start itself.
 
-The environment asks for more mishaps: VERSION, that rsvideo seems to have, and HIDDEN, where it is not installed at all.
+The environment asks for more mishaps: VERSION, that rsvideo seems to have, HIDDEN, where it is not installed at all,
+and BARE, where it is without the libraries of object storage.
 """
 
 import importlib.metadata
@@ -20,6 +21,8 @@ def version(name: str) -> str:
 
 
 importlib.metadata.version = version
+if os.environ.get("BARE"):
+    sys.modules["fsspec"] = None  # pyright: ignore[reportArgumentType]
 if os.environ.get("HIDDEN"):
     sys.modules["rsvideo"] = None  # pyright: ignore[reportArgumentType] # as Python has it: no import finds such a module
 else:
