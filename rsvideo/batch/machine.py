@@ -13,8 +13,7 @@ from pathlib import Path
 
 from rsvideo.batch.places import Place
 from rsvideo.config import address
-from rsvideo.config.address import UnreachableError
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreachableError, UnreadableError
 
 TOKEN = "token"  # the name of the file by which machines prove that they reach one place
 _MOST_BYTES = 1000  # of it

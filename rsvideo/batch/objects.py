@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from rsvideo.config import address, files
-from rsvideo.config.address import Address, Origin, UnreachableError
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.address import Address, Origin
+from rsvideo.config.files import UnreachableError, UnreadableError
 from rsvideo.config.patterns import DEEPEST, MOST_LOOKED_AT
 from rsvideo.config.placing import Made
 

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Iterator
 from types import FrameType
 
 from rsvideo.cli.terminal import say
-from rsvideo.config.address import UnreachableError
-from rsvideo.config.files import UnreadableError
+from rsvideo.config.files import UnreachableError, UnreadableError
 from rsvideo.config.lock import BusyError
 from rsvideo.config.placing import SIGNALS
 

@@ -15,10 +15,6 @@ _MOST_SHOWN = 80  # characters of an address that is refused
 _LONGEST = 1024  # bytes of an object's name, as S3 has it
 
 
-class UnreachableError(OSError):
-    """Object storage that does not answer, or lets nobody in; `filename` is the address, `strerror` says why."""
-
-
 class Origin(BaseModel):
     """An object as it was when a job was read, which each machine brings to a file of its own."""
 

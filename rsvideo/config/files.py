@@ -19,6 +19,10 @@ class UnreadableError(ValueError):
     """A file that is missing, damaged, or not of the kind it was taken for."""
 
 
+class UnreachableError(OSError):
+    """Object storage that does not answer, or lets nobody in; `filename` is the address, `strerror` says why."""
+
+
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Whatever a decoder raises on a file's content is a fault of the file: UnreadableError, which names it.

@@ -3,6 +3,9 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
 
 from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.restoration import kernel_search
@@ -12,11 +15,12 @@ from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.refinement import focused, refine
 from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
+from rsvideo.restoration.spectral_paths import APART, TIMES, SpectralBelief, apart, mirrored, spectral_paths
 
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
+CLOSE = 4.0  # standard errors, by which less may speak for a path than for the best one, and it is focused too
 LAST_SPECTRA = 0.1  # weight of the spectra's misfit beside the focus
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
@@ -45,16 +49,38 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         where = part if wide else coarse if i == 0 else trial
         running = sorted((r.ahead(where, belief, steps) for r in running), key=lambda r: r.value)
         running = [r for r in running if not beyond(scene.camera, r.trajectory)][:most] or running[:1]
-    winner = max((runner.trajectory for runner in running), key=lambda path: sum(compared(trial, path)))
-    belief, values = replace(belief, weight=LAST_SPECTRA), ()
-    for where, steps in ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS)):
-        best = focused(sampled(where, winner), winner, belief, steps=steps)
-        winner, values = best.trajectory, values + best.values
-    speaks = evidence(part, belief.spectrum, winner)
-    if speaks.mirror < 0:
-        winner = mirrored(winner)
-        speaks = evidence(part, belief.spectrum, winner)
-    yield Estimate(stage="path", fraction=ESTIMATED, trajectory=winner, values=values, evidence=speaks)
+    belief = replace(belief, weight=LAST_SPECTRA)
+    scenes = ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS))
+    ends = [_focused(path, scenes, belief, part) for path in _finalists(trial, [runner.trajectory for runner in running])]
+    yield max(ends, key=_speaks)
+
+
+def _finalists(scene: Scene, paths: list[Trajectory]) -> list[Trajectory]:
+    """The path that most speaks for, and one that differs from it, if nearly as much speaks for that."""
+    times = np.linspace(*scene.camera.timing.interval, TIMES)
+    rated = sorted(((sum(compared(scene, path)), path) for path in paths), key=lambda pair: pair[0], reverse=True)
+    first = rated[0]
+    others = (path for value, path in rated[1:] if value > first[0] - CLOSE and apart(path, first[1], times) > APART)
+    return [first[1], *islice(others, 1)]
+
+
+def _focused(path: Trajectory, scenes: tuple[tuple[Scene, int], ...], belief: SpectralBelief, part: Scene) -> Estimate:
+    """The last steps, by the path's focus, and what speaks for where they lead."""
+    values: tuple[float, ...] = ()
+    for where, steps in scenes:
+        best = focused(sampled(where, path), path, belief, steps=steps)
+        path, values = best.trajectory, values + best.values
+    found = evidence(part, belief.spectrum, path)
+    if found.mirror < 0:
+        path = mirrored(path)
+        found = evidence(part, belief.spectrum, path)
+    return Estimate(stage="path", fraction=ESTIMATED, trajectory=path, values=values, evidence=found)
+
+
+def _speaks(estimate: Estimate) -> float:
+    """Standard errors in all."""
+    assert estimate.evidence is not None
+    return estimate.evidence.mirror + estimate.evidence.focus
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -32,8 +32,7 @@ from types import ModuleType
 
 import rsvideo.pipeline
 from rsvideo.config import placing
-from rsvideo.config.address import UnreachableError
-from rsvideo.config.files import UnreadableError, made_within, write_whole
+from rsvideo.config.files import UnreachableError, UnreadableError, made_within, write_whole
 from rsvideo.config.placing import Made
 from rsvideo.config.request import Request
 from rsvideo.config.sidecar import Mark

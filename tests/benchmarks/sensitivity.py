@@ -1,15 +1,17 @@
 """How flat the optimum of each deciding number is: every still of a folder restored with the number halved, as it is, and doubled.
 
-    python tests/benchmarks/sensitivity.py CASES -o FILE.json [--only verdict.DENSER,scene.SEARCH_RIDGE] [--jobs 2] [--motion shift ...]
+    python tests/benchmarks/sensitivity.py CASES -o FILE.json [--only scene.SEARCH_RIDGE] [--jobs 2] [--every 3] [--crop 352x224]
 
-CASES holds a folder a case: blurred.png, truth.png, case.json (`rsvideo simulate` writes such). For each number FILE gets the mean gain
-over the cases, and the least of any frame, with the number halved and doubled, against what it is now. A mean that hardly changes
-is a flat optimum; one that rises says that the number was chosen on other cases than these.
+CASES holds a folder a case, with blurred.* and truth.* (PNG or JPEG) and case.json; `corpus.py --keep CASES` writes such. --every 3 takes
+each third of them, --crop the middle of each. For each number FILE gets the mean gain over the cases, and the least of any frame, with the
+number halved and doubled, against what it is now. A mean that hardly changes is a flat optimum; one that rises says that the number was
+chosen on other cases than these.
 """
 
 import argparse
 import contextlib
 import json
+import os
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -18,7 +20,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 Motion = Literal["rotation", "shift"]
+Crop = tuple[int, int] | None  # rows, cols
 NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh priors
     "spectrum.SHARPEST",
     "spectrum.LEAK",
@@ -45,23 +50,31 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
 FACTORS = (0.5, 2.0)
 
 
-def gain(case: Path, motion: Motion, number: str | None, factor: float) -> float:
+def gain(case: Path, motion: Motion, crop: Crop, number: str | None, factor: float) -> float:
     """dB by which a still is nearer to its truth than its blurred frame, with `number` times `factor`."""
     import rsvideo
     from rsvideo.physics.tone import Transfer, encode
     from rsvideo.report.metrics import psnr
 
     facts = json.loads((case / "case.json").read_text())
-    blurred, truth = (rsvideo.read(case / f"{name}.png").pixels for name in ("blurred", "truth"))
+    blurred, truth = (middle(rsvideo.read(next(case.glob(f"{name}.*"))).pixels, crop) for name in ("blurred", "truth"))
     with scaled(number, factor):
         result = rsvideo.deblur(
             blurred,
-            shutter=rsvideo.Shutter(exposure=facts["exposure_s"], readout=facts["readout_s"]),
+            shutter=rsvideo.Shutter(exposure=facts["exposure_s"], readout=facts["row_time_s"] * len(blurred)),
             camera=rsvideo.Camera(focal_px=facts["focal_px"]),
             settings=rsvideo.Settings(motion=motion),
         )
     sharp, before, after = (encode(Transfer.SRGB, light) for light in (truth, blurred, result.light))
     return psnr(after, sharp) - psnr(before, sharp)
+
+
+def middle(picture: np.ndarray, crop: Crop) -> np.ndarray:
+    """The middle rows and columns, about which the lens is centred as it was."""
+    rows, cols = picture.shape[:2]
+    height, width = (rows, cols) if crop is None else (min(rows, crop[0]), min(cols, crop[1]))
+    top, left = (rows - height) // 2, (cols - width) // 2
+    return np.ascontiguousarray(picture[top : top + height, left : left + width])
 
 
 @contextlib.contextmanager
@@ -88,13 +101,17 @@ def main() -> None:
     parser.add_argument("--only", default=",".join(NUMBERS), metavar="ROOM.NAME,...")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--motion", choices=("rotation", "shift"), default="rotation")
+    parser.add_argument("--crop", metavar="COLSxROWS")
+    parser.add_argument("--every", type=int, default=1)
     request = parser.parse_args()
-    cases = sorted(path.parent for path in request.cases.glob("*/case.json"))
+    crop: Crop = tuple(map(int, request.crop.split("x")[::-1])) if request.crop else None
+    os.environ |= {"RSVIDEO_THREADS": "1", "OMP_NUM_THREADS": "1"} if request.jobs > 1 else {}
+    cases = sorted(path.parent for path in request.cases.glob("*/case.json"))[:: request.every]
     if not cases:
         sys.exit(f"{request.cases} must hold cases, NAME/case.json")
     rows = []
     with ProcessPoolExecutor(request.jobs) as pool:
-        measure = partial(gains, pool, cases, request.motion)
+        measure = partial(gains, pool, cases, request.motion, crop)
         now = measure(None, 1.0)
         print(f"{'as it is':28}{sum(now) / len(now):8.2f} dB mean{min(now):8.2f} dB least")
         for number in request.only.split(","):
@@ -110,9 +127,9 @@ def main() -> None:
             request.output.write_text(json.dumps({"cases": len(cases), "mean_gain_db": sum(now) / len(now), "rows": rows}, indent=1))
 
 
-def gains(pool: ProcessPoolExecutor, cases: list[Path], motion: Motion, number: str | None, factor: float) -> list[float]:
+def gains(pool: ProcessPoolExecutor, cases: list[Path], motion: Motion, crop: Crop, number: str | None, factor: float) -> list[float]:
     """Of all cases, in order."""
-    return list(pool.map(gain, cases, [motion] * len(cases), [number] * len(cases), [factor] * len(cases)))
+    return list(pool.map(partial(gain, motion=motion, crop=crop, number=number, factor=factor), cases))
 
 
 if __name__ == "__main__":
