@@ -125,10 +125,13 @@ def read(path: Path, sets: Sequence[str] = (), *, overwrite: bool = False) -> Ba
     folder = path.parent / output.folder
     items = _without_results(_items(job, wanted, positions, folder, output.name, overwrite=overwrite))
     _check_results(items, path)
-    name = relative(path, folder)
-    own = hashlib.sha256(name.encode()).hexdigest()[:_TELLING]  # jobs of one name in different folders do not share what they keep
-    working = folder / f".rsvideo-{path.stem[:_LONGEST_STEM]}-{own}"
-    return Batch(folder=folder, working=working, job=name, items=tuple(items), report=report)
+    return Batch(folder=folder, working=working_of(path, folder), job=relative(path, folder), items=tuple(items), report=report)
+
+
+def working_of(job: Path, folder: Path) -> Path:
+    """The folder in which a job works whose results go to `folder`."""
+    own = hashlib.sha256(relative(job, folder).encode()).hexdigest()[:_TELLING]  # jobs of one name in two folders do not share it
+    return folder / f".rsvideo-{job.stem[:_LONGEST_STEM]}-{own}"
 
 
 def settled(

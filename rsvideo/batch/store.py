@@ -47,6 +47,11 @@ class Store:
         """Of a result, in the folder that its job works in."""
         return cls(folder=working / FOLDER / fingerprint.of_values({"output": output, **mark.model_dump()})[:16])
 
+    @property
+    def working(self) -> Path:
+        """The folder that the job works in."""
+        return self.folder.parents[1]
+
     def make(self) -> None:
         """Make the folder; only who takes the chunks over does, so that who comes too late leaves nothing behind."""
         self.folder.mkdir(parents=True, exist_ok=True)

@@ -21,7 +21,8 @@ from rsvideo.config.printable import printable
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
     from rsvideo.batch.plan import Batch, Planned, Unreadable
-    from rsvideo.batch.run import Result
+    from rsvideo.batch.run import Event, Result
+    from rsvideo.batch.status import Recorder
     from rsvideo.batch.workers import Hands
     from rsvideo.config.request import Request
     from rsvideo.pipeline.pieces import Chunk
@@ -34,6 +35,7 @@ Shown = Annotated[
     Option("--progress", help="jsonl: one JSON object a line on standard output, the last one the result."),
 ]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace results that exist.")]
+CANCELLED = 143  # as SIGTERM ends it, though the wish came by a file
 
 
 def run(
@@ -57,7 +59,7 @@ def run(
     Exit codes: 0 all done; 1 one failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
     5 done, but more frames failed than report.most_failed_frames.
     """
-    from rsvideo.batch import plan
+    from rsvideo.batch import plan, status
     from rsvideo.cli import quiet
 
     batch = read(path, sets, overwrite=overwrite)
@@ -67,10 +69,10 @@ def run(
     with opened(batch, fresh=not resume and not dry_run) as book:
         if dry_run:
             return _print_plan(batch, ours(batch, book), json=json)
-        with _hands(batch, scheduler, jobs) as crew:
+        with status.noted(batch, path, workers=jobs, scheduler=scheduler) as recorder, _hands(batch, scheduler, jobs) as crew:
             with refusing(), quiet.c_libraries():
                 plans = plan.settled(batch, ours(batch, book))
-            return carried_out(batch, book, plans, crew, progress=progress, json=json)
+            return carried_out(batch, book, plans, crew, recorder, progress=progress, json=json)
 
 
 @contextlib.contextmanager
@@ -116,12 +118,14 @@ def carried_out(
     book: "Ledger",
     plans: "Sequence[Planned | Unreadable]",
     hands: "Hands",
+    recorder: "Recorder",
     *,
     progress: Literal["auto", "jsonl", "none"],
     json: bool,
 ) -> int:
     """Carry a plan out, print what became of it, and answer with the exit code."""
     from rsvideo.batch import plan
+    from rsvideo.batch.control import CancelledError
     from rsvideo.batch.run import carry_out
     from rsvideo.batch.workers import ClusterError
     from rsvideo.cli import batch_progress
@@ -130,17 +134,26 @@ def carried_out(
     for each in plans:
         if isinstance(each, plan.Planned):
             note(f"{each.request.source}: {words}" for words in each.notes)
+    recorder.planned(plans)
     try:
         with batch_progress.shown(progress) as show:
-            results = carry_out(plans, book, hands, show)
+            results = carry_out(plans, book, hands, _both(recorder.take, show))
+    except CancelledError:
+        say(f"cancelled by whoever watches it; {_kept(book)}")
+        recorder.ended(CANCELLED, "cancelled")
+        return CANCELLED
     except Stopped as error:
+        recorder.ended(128 + error.number, f"stopped by {signal.Signals(error.number).name}")
         last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except ClusterError as error:
         say(f"{error}; {_kept(book)}")
+        recorder.ended(Code.FAILED, str(error))
         return Code.FAILED
     except OSError as error:
-        say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
+        words = f"{error.filename or 'a file'} could not be written: {error.strerror or error}"
+        say(f"{words}; {_kept(book)}")
+        recorder.ended(Code.FAILED, words)
         return Code.FAILED
     code = _code(results, batch.report.most_failed_frames)
     if json or progress == "jsonl":
@@ -152,7 +165,18 @@ def carried_out(
         say(f"{faults} of {counted([item.request.is_clip for item in batch.items])} failed; {_kept(book)}")
     else:
         book.remove()
+    recorder.ended(code)
     return code
+
+
+def _both(one: "Callable[[Event], None]", other: "Callable[[Event], None]") -> "Callable[[Event], None]":
+    """A function that tells both of each event."""
+
+    def tell(event: "Event") -> None:
+        one(event)
+        other(event)
+
+    return tell
 
 
 def _code(results: "Sequence[Result]", most_failed_frames: int) -> int:

@@ -78,7 +78,12 @@ def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observ
         return Movement.unfollowed(len(run.begins), run.axes)
     tracked = path_from_tracks(run)
     path = refined_by_blur(run, tracked, run.followed)
-    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=run_share(_focuses(run, tracked))))
+    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share(run, tracked)))
+
+
+def share(run: Run, tracked: CameraPath) -> float:
+    """Of a restoration, how much the blur of the run allows, along the path that its points show."""
+    return run_share(_focuses(run, tracked))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
