@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from rsvideo.batch.control import Patience
 from rsvideo.batch.store import Store
@@ -73,6 +73,7 @@ class ClusterError(Exception):
     """Hands on other machines are gone."""
 
 
+@runtime_checkable
 class Hands(Protocol):
     """Who carries orders out, one after the other or several at a time."""
 

@@ -40,10 +40,6 @@ Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
-class TooLongError(Exception):
-    """A request holds more bytes than it may."""
-
-
 def new_token() -> str:
     """For an address that nobody guesses."""
     return secrets.token_urlsafe(24)
@@ -66,10 +62,9 @@ class Gate:
         if (fault := self._fault(scope)) is not None:
             await _refuse(send, *fault)
             return
-        most = None if self._path(scope).startswith(UPLOADS) else MOST_BYTES
         scope = {**scope, "path": self._path(scope), "root_path": ""}
         scope["raw_path"] = scope["path"].encode()
-        await self._app(scope, _bounded(receive, most), _with_headers(send))
+        await self._app(scope, receive, _with_headers(send))
 
     def _fault(self, scope: Scope) -> tuple[int, str] | None:
         """Why a request is refused, with HTTP's number for it."""
@@ -90,6 +85,12 @@ class Gate:
             kind = headers.get(b"content-type", b"").split(b";")[0].strip().lower()
             if kind != b"application/json":
                 return 415, "a request that changes something must be JSON; use the pages of rsvideo view itself"
+            length = headers.get(b"content-length", b"")
+            if not length.isdigit() or int(length[:20]) > MOST_BYTES:
+                return (
+                    413,
+                    f"a request must state its length, at most {MOST_BYTES / 1e6:g} MB; files are dropped on the page for calibration",
+                )
         return None
 
     def _path(self, scope: Scope) -> str:
@@ -102,21 +103,6 @@ def _single(headers: Iterable[tuple[bytes, bytes]]) -> dict[bytes, bytes]:
     for name, value in headers:
         found[name] = b"\0given twice" if name in found else value
     return found
-
-
-def _bounded(receive: Receive, most: int | None) -> Receive:
-    left = most
-
-    async def received() -> Message:
-        nonlocal left
-        message = await receive()
-        if left is not None and message["type"] == "http.request":
-            left -= len(message.get("body", b""))
-            if left < 0:
-                raise TooLongError(f"a request must hold at most {MOST_BYTES / 1e6:g} MB; files are dropped on the page for calibration")
-        return message
-
-    return received
 
 
 def _with_headers(send: Send) -> Send:

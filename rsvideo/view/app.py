@@ -8,6 +8,7 @@ from typing import Any
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.lock import BusyError
@@ -15,7 +16,6 @@ from rsvideo.config.printable import printable
 from rsvideo.pipeline import processes
 from rsvideo.report import embedded
 from rsvideo.view import glance
-from rsvideo.view.access import TooLongError
 from rsvideo.view.calibrating import Bench, TooMuchError
 from rsvideo.view.child import Child, FailedError
 from rsvideo.view.errands import COMMAND, Errands
@@ -105,7 +105,6 @@ def _add_faults(app: FastAPI) -> None:
         BusyError: 409,
         FailedError: 422,
         TooMuchError: 413,
-        TooLongError: 413,
         ValueError: 422,
     }
 
@@ -125,13 +124,11 @@ def _add_faults(app: FastAPI) -> None:
         place = ".".join(str(part) for part in first["loc"][1:])
         return fault(422, f"the page sent {place or 'something'} that cannot be meant ({first['msg'].lower()}); reload it")
 
-    @app.exception_handler(404)
-    async def missing(_: Request, __: Exception) -> Response:
-        return fault(404, "there is no such page; go back to the list of clips")
-
-    @app.exception_handler(405)
-    async def unusual(_: Request, __: Exception) -> Response:
-        return fault(405, "this cannot be done with that address; use the pages of rsvideo view itself")
+    @app.exception_handler(HTTPException)
+    async def unusual(_: Request, error: HTTPException) -> Response:
+        words = {404: "there is no such page; go back to the list of clips"}
+        otherwise = "this cannot be done with that address; use the pages of rsvideo view itself"
+        return fault(error.status_code, words.get(error.status_code, otherwise))
 
     @app.exception_handler(KeyError)
     async def gone(_: Request, __: Exception) -> Response:
