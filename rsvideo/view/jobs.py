@@ -230,8 +230,9 @@ class Jobs:
         """The reasons that a run gave at its end, of clips that have no result."""
         if state == "done":
             values["words"] = ""
+        if state != "ready":
             return
-        with suppress(OSError, ValueError, TypeError, KeyError):
+        with suppress(OSError, ValueError, TypeError, LookupError):
             ended = json.loads(self._log(job, "out").read_bytes()[-_MOST_LOG:].splitlines()[-1])
             faults = {clip["output"]: clip["fault"] for clip in ended["clips"] if clip["fault"]}
             for clip in values["clips"]:

@@ -255,7 +255,7 @@ for (const id of ["left", "right", "show-motion"]) $(id).addEventListener("chang
 $("keep").addEventListener("click", () => {
   if (!shown) { say("There is no preview to keep; make one first."); return; }
   keptA = shown;
-  $("left").value = "a";
+  choose($("left"), sides(), "a");
   pictures();
   say("Kept as A: change a setting, and compare it with what comes.");
 });
