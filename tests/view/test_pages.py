@@ -59,7 +59,6 @@ def tab(browser: Browser, address: str, *, width: int = 1024, dark: bool = False
 def previewed(page: Page) -> bytes:
     """The picture on the right once the preview is complete."""
     page.wait_for_selector("html[data-preview='done full']", timeout=30_000)
-    page.wait_for_function("document.getElementById('right-image').complete")
     return page.request.get(page.evaluate("document.getElementById('right-image').src")).body()
 
 

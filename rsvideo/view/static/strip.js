@@ -13,6 +13,7 @@ export const kind = (verdict) =>
 const NAMES = { restored: "restored", straight: "straightened only", left: "left as it was", wrong: "not explained, damaged or without texture" };
 
 export function drawn(box, legend, strip, frames) {
+  box.hidden = legend.hidden = false;
   const width = 1000, height = 120, most = Math.max(2, ...strip.blur);
   const across = (index) => (index + 0.5) / frames * width;
   const picture = svg("svg", { viewBox: `0 0 ${width} ${height}`, preserveAspectRatio: "none", role: "img", "aria-label": "Blur, verdict and confidence of each frame" });
@@ -33,7 +34,6 @@ export function drawn(box, legend, strip, frames) {
   if (sure.length > 1) told.push(el("li", {}, el("span", { class: "swatch sure" }), "confidence, 0 to 1: how far the blur bears the motion out"));
   told.push(el("li", {}, `highest bar: ${most.toFixed(1)} px of blur`));
   legend.replaceChildren(...told);
-  box.hidden = legend.hidden = false;
   return (index) => here.setAttribute("d", `M${across(index)},0V${height}`);
 }
 
