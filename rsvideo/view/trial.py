@@ -1,6 +1,6 @@
 """A frame, or a few, restored for a page: at half size first, then at full size, with all that explains the result.
 
-At half size everything is as at full size but the picture: exposure and readout stay, lens and noise are those of the smaller picture.
+At half size exposure and readout stay, lens and noise are those of the smaller picture, and the result is a draft.
 Frames are restored by themselves, along a path that their neighbours show too; in a job, neighbours also lend them detail.
 """
 
@@ -37,6 +37,7 @@ Size = Literal["half", "full"]
 MOST_FRAMES = 12  # of a range that is tried
 AROUND = 2  # frames before and behind, that the motion is found with
 HALVED = 1000  # px of the longer side, from which on a half-size preview comes first
+_FEW_STEPS = 3  # of the refinement by blur, at half size
 _NOISE = 0.5  # of a pixel that is the mean of four
 _MOST_KEPT = 2  # sets of decoded frames: of half and of full size
 _KEPT: dict[object, list[Frame]] = {}
@@ -128,7 +129,7 @@ def _as_typed(wanted: Request, measured: Measured) -> Measured:
 
 
 def halved(task: Task) -> Task:
-    """The same task for pictures of half the size."""
+    """The same task for pictures of half the size, restored as a draft: the full size shows what the chosen prior does."""
     rows, cols = task.rows // 2, task.cols // 2
     noise = task.camera.sensor_noise
     if noise is not None:
@@ -138,7 +139,8 @@ def halved(task: Task) -> Task:
         exposure=full.exposure, readout=full.readout, rows=rows if full.direction.by_row else cols, direction=full.direction
     )
     camera = sidecar.Camera.of(task.camera.intrinsics.scaled(rows, cols), task.camera.source, noise)
-    return replace(task, camera=camera, shutter=replace(task.shutter, timing=shutter))
+    settings = replace(task.settings, prior="draft")
+    return replace(task, camera=camera, shutter=replace(task.shutter, timing=shutter), settings=settings)
 
 
 def _resized(frame: Frame, task: Task) -> Frame:
@@ -184,7 +186,8 @@ def _movement(shown: Task, task: Task, frames: Sequence[Frame], mine: Sequence[i
     wanted = run.followed & np.isin(np.arange(len(frames)), mine)
     tracked = clip_motion.path_from_tracks(run)
     observe(Progress(stage="blur", fraction=0.2))
-    path = clip_motion.refined_by_blur(run, tracked, wanted)
+    steps = clip_motion.STEPS if shown is task else _FEW_STEPS
+    path = clip_motion.refined_by_blur(run, tracked, wanted, steps=steps)
     evidence = clip_motion.evidence(run, path, share=clip_motion.share(run, tracked))
     return replace(clip_motion.movement_of(run, path.spline, run.followed), evidence=evidence)
 

@@ -69,7 +69,7 @@ function explain() {
   document.documentElement.dataset.preview = shown ? `${shown.state} ${size || ""}`.trim() : "";
   if (!one) return;
   const lines = [
-    ["verdict", one.verdict], ["size", `${told.cols} × ${told.rows} px${size === "half" ? ", half size: small blur shows at full size only" : ""}`],
+    ["verdict", one.verdict], ["size", `${told.cols} × ${told.rows} px${size === "half" ? ", half size, a draft: small blur and the prior show at full size only" : ""}`],
     ["exposure", `${shortly(1e3 * told.exposure_s)} ms: ${told.exposure_source === "explicit" ? "typed in" : told.exposure_source}`],
     ["readout", `${shortly(1e3 * told.readout_s)} ms: ${told.readout_source === "explicit" ? "typed in" : told.readout_source}`],
   ];
