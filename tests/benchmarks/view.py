@@ -38,7 +38,8 @@ TRIED = 10  # the frame
 
 def moving(path: Path) -> None:
     """A 1080p clip of the samples' photographs, side by side, before a camera that is moved by hand."""
-    tiles = [cv2.imread(str(SAMPLES / name / "truth.png"))[:382, :484] for name in ("astronaut", "coffee", "photographer")]
+    truths = [cv2.imread(str(SAMPLES / name / "truth.png")) for name in ("astronaut", "coffee", "photographer")]
+    tiles = [truth[:382, :484] for truth in truths if truth is not None]
     rows = [np.hstack([tiles[(row + col) % 3][:, :: 1 if (row + col) % 2 else -1] for col in range(5)]) for row in range(4)]
     light = np.vstack(rows).astype(np.float32) / 255
     light **= 2.2
