@@ -167,12 +167,10 @@ def read(path: Path, sets: Sequence[str] = (), *, overwrite: bool = False) -> Ba
 
 def _placed(path: Path, folder: str, report: Report, positions: Positions) -> Batch:
     """A batch without its items: where its results go, and where it works."""
-    stem = path.stem[:_LONGEST_STEM]
+    working = working_of(path, folder)
     if not address.is_address(folder):
-        results = Folder(path=path.parent / folder)
+        results, stores = Folder(path=path.parent / folder), Folder(path=working / FOLDER)
         name = relative(path, results.path)
-        working = results.path / f".rsvideo-{stem}-{_telling(name)}"  # jobs of one name in different folders do not share what they keep
-        stores = Folder(path=working / FOLDER)
         return Batch(folder=results.path, working=working, results=results, stores=stores, job=name, items=(), report=report)
     try:
         if glob.has_magic(folder):
@@ -180,9 +178,17 @@ def _placed(path: Path, folder: str, report: Report, positions: Positions) -> Ba
         results = objects.Objects(address=str(address.parsed(folder)))
     except ValueError as error:
         raise ConfigError(positions.fault(("output", "folder"), str(error))) from error
-    working = path.parent / f".rsvideo-{stem}-{_telling(results.address)}"
     stores = results.within(f".rsvideo-{_telling(path.name)}/{FOLDER}")  # the same from all machines, wherever they keep the job
     return Batch(folder=working, working=working, results=results, stores=stores, job=path.name, items=(), report=report)
+
+
+def working_of(job: Path, folder: str) -> Path:
+    """The folder of this machine in which a job works whose results go to `folder`; jobs of one name in two folders do not share it."""
+    stem = job.stem[:_LONGEST_STEM]
+    if address.is_address(folder):
+        return job.parent / f".rsvideo-{stem}-{_telling(folder.removesuffix('/'))}"
+    results = job.parent / folder
+    return results / f".rsvideo-{stem}-{_telling(relative(job, results))}"
 
 
 def _telling(name: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from rsvideo.batch import recognition
+from rsvideo.batch import control, recognition
 from rsvideo.batch.ledger import Entry, Ledger
 from rsvideo.batch.plan import Planned, Unreadable
 from rsvideo.batch.workers import Cut, Failed, Finish, Hands, Order, Restore, failed
@@ -18,7 +18,7 @@ from rsvideo.pipeline import fingerprint
 from rsvideo.pipeline.pieces import Chunk, Finished
 from rsvideo.progress import Progress
 
-Kind = Literal["resumed", "stage", "frame", "chunk", "retry", "finished", "failed"]
+Kind = Literal["resumed", "stage", "frame", "chunk", "retry", "paused", "finished", "failed"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +45,9 @@ class Event:
     words: str = ""  # the stage; what was wrong
     frame: int | None = None
     fraction: float | None = None  # of the clip
+    chunks: int = 0  # of the clip; 0 until it is cut
+    chunks_done: int = 0
+    finished: bool = False  # whether the clip's result is complete
     done: float = 0.0
     frames: int = 0
     seconds_left: float | None = None
@@ -95,6 +98,7 @@ class _Run:
         self.queues: dict[type[Order], list[Order]] = {Cut: [], Restore: [], Finish: []}  # each in the order of its ranks
         self.tries: dict[tuple[str, str], int] = {}
         self.started, self.already = clock(), 0.0  # frames that were done before this run
+        self.glanced, self.paused = -control.EVERY, False  # when the wishes of whoever watches were read, and whether the run pauses
         self.made_in = f"run-{secrets.token_hex(8)}"  # a worker that outlives an earlier run still writes into that run's own folder
 
     def results(self) -> list[Result]:
@@ -102,14 +106,38 @@ class _Run:
             self.take_up(clip)
         self.started, self.already = self.clock(), sum((clip.done for clip in self.clips), 0.0)
         while any(self.queues.values()) or self.crew.busy:
-            while first := [queue for kind, queue in self.queues.items() if queue and self.crew.free(kind)]:
-                order = min(first, key=lambda queue: self.rank(queue[0])).pop(0)
-                self.crew.give(order)
-                if order.request.is_clip and (stage := {Cut: "looking for cuts", Finish: "encoding"}.get(type(order))):
-                    self.tell("stage", self.by_output[order.request.output], stage)
+            if not self.pauses():
+                self.hand_out()
+            elif not self.crew.busy:
+                time.sleep(control.EVERY)
+                continue
             for order, answer in self.crew.answers():
                 self.take(self.by_output[order.request.output], order, answer)
         return [clip.result for clip in self.clips if clip.result is not None]
+
+    def pauses(self) -> bool:
+        """Whether no order is to be given for now; raises CancelledError where none is to be given any more."""
+        now = self.clock()
+        if now - self.glanced >= control.EVERY:
+            wish, since = control.wish(self.ledger.folder), now - self.glanced
+            if wish == "cancel":
+                raise control.CancelledError("cancelled")
+            if self.paused:
+                self.started += since  # which was no work
+            if (wish == "pause") != self.paused:
+                self.paused = wish == "pause"
+                clip = next((clip for clip in self.clips if clip.result is None), self.clips[0])
+                self.tell(*(("paused", clip, "paused") if self.paused else ("stage", clip, "goes on")))
+            self.glanced = now
+        return self.paused
+
+    def hand_out(self) -> None:
+        """Give orders as long as somebody is free for them."""
+        while first := [queue for kind, queue in self.queues.items() if queue and self.crew.free(kind)]:
+            order = min(first, key=lambda queue: self.rank(queue[0])).pop(0)
+            self.crew.give(order)
+            if order.request.is_clip and (stage := {Cut: "looking for cuts", Finish: "encoding"}.get(type(order))):
+                self.tell("stage", self.by_output[order.request.output], stage)
 
     def rank(self, order: Order) -> tuple[int, int, int]:
         """What is done first: what frees the disk, then clip by clip, chunk by chunk."""
@@ -280,6 +308,9 @@ class _Run:
                 words=words,
                 frame=frame,
                 fraction=fraction,
+                chunks=len(clip.chunks),
+                chunks_done=len(clip.records),
+                finished=clip.result is not None and clip.result.fault is None,
                 done=done,
                 frames=frames,
                 seconds_left=left,

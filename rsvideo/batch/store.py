@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-from rsvideo.batch.places import Place
+from rsvideo.batch.places import Folder, Place
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.sidecar import Mark
 from rsvideo.pipeline import fingerprint
@@ -48,6 +48,11 @@ class Store:
     def name(self) -> str:
         """Tells it from the others of its job."""
         return Path(self.place.at()).name
+
+    @property
+    def working(self) -> Path | None:
+        """The folder that the job works in; None where machines share none."""
+        return self.place.path.parents[1] if isinstance(self.place, Folder) else None
 
     def make(self) -> None:
         """Open it; only who takes the chunks over does, so that who comes too late leaves nothing behind."""

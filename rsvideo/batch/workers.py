@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
+from rsvideo.batch.control import Patience
 from rsvideo.batch.store import Store
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.request import Request
@@ -20,6 +21,7 @@ from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import Observer, Progress
 
 _EVERY = 0.1  # seconds between two reports on one frame
+_LONGEST_WAIT = 1.0  # seconds for a report; then others may be listened to
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # no other clip would fare better
 
 
@@ -71,6 +73,7 @@ class ClusterError(Exception):
     """Hands on other machines are gone."""
 
 
+@runtime_checkable
 class Hands(Protocol):
     """Who carries orders out, one after the other or several at a time."""
 
@@ -139,8 +142,8 @@ class Crew:
             worker.connection.send(order)
 
     def answers(self) -> Iterator[tuple[Order, Answer]]:
-        """Wait until a worker reports something; all that is reported now."""
-        ready = wait(self.connections)
+        """Wait until a worker reports something, for a while; all that is reported now."""
+        ready = wait(self.connections, timeout=_LONGEST_WAIT)
         for worker in [worker for worker in self._busy if worker.connection in ready]:
             order = self._busy[worker]
             try:
@@ -201,10 +204,23 @@ def _carried_out(order: Order, task: Task, observe: Observer) -> Done:
             return tuple(deblur.chunks(task))
         case Restore():
             order.folder.mkdir(parents=True, exist_ok=True)
-            return deblur.work(task, order.chunk, order.folder, observe).model_dump_json()
+            return deblur.work(task, order.chunk, order.folder, _patient(order, observe)).model_dump_json()
         case Finish():
             records = [ChunkRecord.model_validate_json(record) for record in order.records]
             return deblur.finish(task, records, order.folder, order.mark)
+
+
+def _patient(order: Restore, observe: Observer) -> Observer:
+    """Passes all on, and holds the work up as long as its run is to pause."""
+    if order.store.working is None:  # it pauses when this order is done
+        return observe
+    patience = Patience(order.store.working)
+
+    def waiting(progress: Progress) -> None:
+        patience.wait()
+        observe(progress)
+
+    return waiting
 
 
 def _seldom(send: Observer) -> Observer:

@@ -20,6 +20,7 @@ from rsvideo.cli.run import run
 from rsvideo.cli.simulate import simulate
 from rsvideo.cli.track import track
 from rsvideo.cli.validate import schema, validate
+from rsvideo.cli.view import view
 
 app = typer.Typer(add_completion=False, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]})
 app.add_typer(calibrate, name="calibrate")
@@ -34,6 +35,7 @@ app.command()(schema)
 app.command()(simulate)
 app.command(cls=RequestCommand)(track)
 app.command()(validate)
+app.command()(view)
 app.command()(work)
 
 

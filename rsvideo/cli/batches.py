@@ -20,7 +20,8 @@ from rsvideo.config.printable import printable
 if TYPE_CHECKING:
     from rsvideo.batch.ledger import Ledger
     from rsvideo.batch.plan import Batch, Item, Planned, Unreadable
-    from rsvideo.batch.run import Result
+    from rsvideo.batch.run import Event, Result
+    from rsvideo.batch.status import Recorder
     from rsvideo.batch.workers import Hands
 
 Job = Annotated[Path, typer.Argument(metavar="JOB.yaml", help="Which clips and photographs, how they are treated, where results go.")]
@@ -30,6 +31,7 @@ Shown = Annotated[
     Option("--progress", help="jsonl: one JSON object a line on standard output, the last one the result."),
 ]
 Overwrite = Annotated[bool, Option("--overwrite", help="Replace results that exist.")]
+CANCELLED = 143  # as SIGTERM ends it, though the wish came by a file
 
 
 def read(path: Path, sets: "Sequence[str] | None", *, overwrite: bool) -> "Batch":
@@ -59,12 +61,14 @@ def carried_out(
     book: "Ledger",
     plans: "Sequence[Planned | Unreadable]",
     hands: "Hands",
+    recorder: "Recorder",
     *,
     progress: Literal["auto", "jsonl", "none"],
     json: bool,
 ) -> int:
     """Carry a plan out, print what became of it, and answer with the exit code."""
     from rsvideo.batch import plan
+    from rsvideo.batch.control import CancelledError
     from rsvideo.batch.run import carry_out
     from rsvideo.batch.workers import ClusterError
     from rsvideo.cli import batch_progress
@@ -73,19 +77,30 @@ def carried_out(
     for each in plans:
         if isinstance(each, plan.Planned):
             note(f"{each.source}: {words}" for words in each.notes)
+    recorder.planned(plans)
+
+    def ended(code: int, words: str = "") -> int:
+        recorder.ended(code, words)
+        return code
+
     try:
         with batch_progress.shown(progress) as show:
-            results = carry_out(plans, book, hands, show)
+            results = carry_out(plans, book, hands, _both(recorder.take, show))
+    except CancelledError:
+        say(f"cancelled by whoever watches it; {_kept(book)}")
+        return ended(CANCELLED, "cancelled")
     except Stopped as error:
+        ended(128 + error.number, f"stopped by {signal.Signals(error.number).name}")
         last_words(f"stopped by {signal.Signals(error.number).name}; {_kept(book)}")
         return 128 + error.number
     except ClusterError as error:
         say(f"{error}; {_kept(book)}")
-        return Code.FAILED
+        return ended(Code.FAILED, str(error))
     except OSError as error:
-        say(f"{error.filename or 'a file'} could not be written: {error.strerror or error}; {_kept(book)}")
-        return Code.FAILED
-    code = _code(results, batch.report.most_failed_frames)
+        words = f"{error.filename or 'a file'} could not be written: {error.strerror or error}"
+        say(f"{words}; {_kept(book)}")
+        return ended(Code.FAILED, words)
+    code = ended(_code(results, batch.report.most_failed_frames))
     if json or progress == "jsonl":
         print_json({"event": "ended", "code": code, "clips": [vars(result) for result in results]})
     _print_table(results)
@@ -98,6 +113,16 @@ def carried_out(
             batch.stores.remove()
         book.remove()
     return code
+
+
+def _both(one: "Callable[[Event], None]", other: "Callable[[Event], None]") -> "Callable[[Event], None]":
+    """A function that tells both of each event."""
+
+    def tell(event: "Event") -> None:
+        one(event)
+        other(event)
+
+    return tell
 
 
 def _code(results: "Sequence[Result]", most_failed_frames: int) -> int:

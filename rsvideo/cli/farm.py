@@ -74,17 +74,17 @@ def finish(
 
     Exit codes: as of rsvideo run; 3 also where chunks are missing.
     """
-    from rsvideo.batch import farm, workers
+    from rsvideo.batch import farm, status, workers
     from rsvideo.cli import quiet
 
     batch = read(path, sets, overwrite=overwrite)
-    with opened(batch) as book:
+    with opened(batch) as book, status.noted(batch, path, workers=jobs, scheduler=None) as recorder:
         with refusing(), quiet.c_libraries():
             cut = farm.layout(batch, path)
             plans = farm.planned(batch, cut, ours(batch, book))
         with workers.crew(most=jobs, quiet=quiet.wanted()) as crew:
             hands = farm.Finishers(cut, crew)
-            code = carried_out(batch, book, plans, hands, progress=progress, json=json)
+            code = carried_out(batch, book, plans, hands, recorder, progress=progress, json=json)
     if hands.missing:
         numbers = farm.written(hands.missing)
         say(f"chunks {numbers} are missing; rsvideo work {path} --chunks {numbers} restores them")

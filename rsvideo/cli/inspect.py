@@ -1,9 +1,8 @@
 """rsvideo inspect: everything that is stated of a clip, and by whom."""
 
 import sys
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer import Option
@@ -12,11 +11,6 @@ from rsvideo.cli import options
 from rsvideo.cli.exit_codes import refusing
 from rsvideo.cli.terminal import say
 from rsvideo.config.printable import printable
-
-if TYPE_CHECKING:
-    from rsvideo.config.request import Camera
-    from rsvideo.pipeline.take import Take
-    from rsvideo.shooting.fact import Fact
 
 Line = tuple[str, str, str]  # what, its value, who stated it
 _WIDTH = 160  # an output that is no terminal has no width
@@ -37,92 +31,19 @@ def inspect(
     Sources of the timing, first hit wins: options, the clip's metadata, --camera, the public table of readout times, the frame rate.
     """
     from rsvideo.cli import quiet
+    from rsvideo.pipeline import measuring, stated
     from rsvideo.pipeline.clip_facts import gather
 
     with refusing():
-        stated = options.sections(given)
+        typed = options.sections(given)
         with quiet.c_libraries():
-            clip = gather(source, camera=stated.camera.profile, rate=stated.input.frame_rate)
-            clip = _measured(clip, stated.camera) if measure else clip
-        values = _values(clip, stated.camera)
+            clip = gather(source, camera=typed.camera.profile, rate=typed.input.frame_rate)
+            clip = measuring.with_measured(clip, typed.camera) if measure else clip
+        values = stated.values(clip, typed.camera)
     if json:
         _print_json(values)
     else:
         _print_table(values)
-
-
-def _measured(clip: "Take", camera: "Camera") -> "Take":
-    from rsvideo.pipeline import measuring
-    from rsvideo.video.stream import Stream
-
-    assert isinstance(clip.source, Stream)
-    found = measuring.of_take(clip, camera, 0, clip.source.frames)
-    unclear = tuple(f"not measured: {reason}" for reason in found.unclear) if found else ()
-    return replace(clip, shutter=replace(clip.shutter, measured=found), notes=(*clip.notes, *unclear))
-
-
-def _values(clip: "Take", camera: "Camera") -> dict[str, Any]:
-    """All facts, under the names of the JSON output."""
-    from rsvideo.shooting.timing import direction_of, exposure_of, readout_of
-    from rsvideo.video.stream import Stream
-
-    stream, facts = clip.source, clip.facts
-    assert isinstance(stream, Stream)
-    assert facts is not None
-    exposure, notes = exposure_of(camera, clip.shutter)
-    readout, more = readout_of(camera, clip.shutter)
-    direction = direction_of(camera, clip.shutter)
-    scanlines = stream.rows if direction.value.by_row else stream.cols
-    colour = stream.colour
-    missing = {
-        "exposure": None if exposure else "--exposure 1/50 or --shutter-angle 180",
-        "readout, but for its upper bound": None
-        if readout and readout.source != "frame rate"
-        else "--readout, --camera or --scanlines-total",
-        "focal length": None if clip.focal else "--focal-px, or --camera with a profile that holds the lens",
-    }
-    return {
-        "clip": str(stream.path),
-        "codec": stream.codec,
-        "cols": stream.cols,
-        "rows": stream.rows,
-        "rotation_deg": stream.rotation,
-        "frame_rate": float(stream.rate),
-        "variable_frame_rate": stream.variable,
-        "frames": stream.frames,
-        "duration_s": stream.duration_s,
-        "timecode": stream.timecode,
-        "created": stream.created,
-        "colour": {
-            "pixel_format": colour.pixel_format,
-            "depth": colour.depth,
-            "subsampling": colour.subsampling,
-            "matrix": colour.matrix.value,
-            "transfer": colour.transfer.value,
-            "primaries": colour.primaries,
-            "full_range": colour.full_range,
-            "assumed": sorted(colour.assumed),
-        },
-        "tracks": [{"kind": track.kind, "codec": track.codec, "name": track.name} for track in stream.tracks],
-        "make": _sourced(facts.make),
-        "model": _sourced(facts.model),
-        "captured": _sourced(facts.captured),
-        "iso": _sourced(facts.iso),
-        "recorded_frame_rate": _sourced(facts.frame_rate),
-        "exposure_s": _sourced(exposure),
-        "readout_s": _sourced(readout),
-        "row_time_s": {"value": readout.value / scanlines, "source": f"readout / {scanlines}"} if readout else None,
-        "direction": _sourced(direction),
-        "focal_px": _sourced(clip.focal),
-        "missing": {what: option for what, option in missing.items() if option},
-        "notes": [*clip.notes, *notes, *more],
-    }
-
-
-def _sourced(fact: "Fact[Any] | None") -> dict[str, Any] | None:
-    if fact is None:
-        return None
-    return {"value": fact.value, "source": fact.source, **({"within": list(fact.within)} if fact.within else {})}
 
 
 def _print_json(values: dict[str, Any]) -> None:

@@ -356,6 +356,16 @@ def frames(path: Path, wanted: Collection[int]) -> dict[int, FrameRecord]:
     return found
 
 
+def one_by_one(path: Path) -> Iterator[FrameRecord]:
+    """All frames in order; none is kept where the file is as `encoded` writes it."""
+    lines = _lines(path)
+    if not next(lines, b""):
+        yield from read(path).frames
+    for number, line in enumerate(lines):
+        if line != _END:
+            yield _understood(FrameRecord, path, line.rstrip(b",\n"), "frames", str(number))
+
+
 def _lines(path: Path) -> Iterator[bytes]:
     """The lines that `encoded` writes; none where the file was not written by it."""
     with opened(path) as file:

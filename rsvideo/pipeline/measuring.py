@@ -30,10 +30,11 @@ DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again giv
 def needed(given: Stated, sources: Sources) -> bool:
     """Whether a clip's exposure or readout is stated by nobody, or its exposure is typed in, and not to be forced."""
     typed = (given.exposure is not None or given.shutter_angle is not None) and not given.force
-    return typed or timing.exposure_of(given, sources)[0] is None or _readout_unknown(given, sources)
+    return typed or timing.exposure_of(given, sources)[0] is None or readout_unknown(given, sources)
 
 
-def _readout_unknown(given: Stated, sources: Sources) -> bool:
+def readout_unknown(given: Stated, sources: Sources) -> bool:
+    """Whether nobody states the readout: a frame's period is only its upper bound."""
     readout, _ = timing.readout_of(given, sources)
     return readout is None or readout.within == (0.0, readout.value)
 
@@ -50,6 +51,14 @@ def of_take(take: Take, given: Stated, first: int, last: int, on_damage: OnDamag
         lens.fx if lens else take.focal.value if take.focal else USUAL_FOCAL * max(take.source.rows, take.source.cols)
     )
     return measured(shown, given, take.shutter, focal)
+
+
+def with_measured(take: Take, given: Stated) -> Take:
+    """The take with what its frames show, and in its notes what they do not show."""
+    assert isinstance(take.source, Stream)
+    found = of_take(take, given, 0, take.source.frames)
+    unclear = tuple(f"not measured: {reason}" for reason in found.unclear) if found else ()
+    return replace(take, shutter=replace(take.shutter, measured=found), notes=(*take.notes, *unclear))
 
 
 def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: float) -> Measured:
@@ -71,7 +80,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         return Measured(unclear=("no points could be followed from frame to frame",))
     unclear: list[str] = []
     readout: float | None = None
-    if _readout_unknown(given, sources):
+    if readout_unknown(given, sources):
         try:
             readout = round(_readout(run, period, direction), DECIMALS)
         except CannotTellError as error:

@@ -78,7 +78,12 @@ def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observ
         return Movement.unfollowed(len(run.begins), run.axes)
     tracked = path_from_tracks(run)
     path = refined_by_blur(run, tracked, run.followed)
-    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=run_share(_focuses(run, tracked))))
+    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share(run, tracked)))
+
+
+def share(run: Run, tracked: CameraPath) -> float:
+    """Of a restoration, how much the blur of the run allows, along the path that its points show."""
+    return run_share(_focuses(run, tracked))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -106,11 +111,11 @@ def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
     return follow(run.links, run.begins, run.camera, run.axes, about=about)
 
 
-def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
-    """The path refined by the blur of those of the `frames` that are blurred."""
+def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"], *, steps: int = STEPS) -> CameraPath:
+    """The path refined by the blur of those of the `frames` that are blurred, in so many steps."""
     timing = run.camera.timing
     blurred = [k for k in np.flatnonzero(frames) if exposure_length(path.spline, run.begins[k], timing) > BLURRED]
-    return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=STEPS) if blurred else path
+    return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=steps) if blurred else path
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:

@@ -203,20 +203,20 @@ def tiled_from(
 
 
 def deblur(
-    frame: TiledFrame, *, prior: Literal["denoiser", "tv"], mu: float, noise: float
+    frame: TiledFrame, *, prior: Literal["denoiser", "tv", "draft"], mu: float, noise: float
 ) -> Iterator[Float[np.ndarray, "rows cols channels"]]:
     """The latent image after each splitting step (one step for total variation), at the pose where the trajectory is 0.
+
+    A draft is what the denoiser would start from.
 
     mu weighs total variation (alone, or as the start of the denoiser's splitting); noise is its standard deviation in linear light,
     and counts for more where the blur's model leaves more unexplained, as with pictures that were compressed.
     """
     cut, systems = frame.cut, frame.systems
-    latents = [
-        [total_variation(s, mu, steps=TV_FIRST_STEPS if prior == "denoiser" else TV_STEPS) for s in channels] for channels in systems
-    ]
+    latents = [[total_variation(s, mu, steps=TV_STEPS if prior == "tv" else TV_FIRST_STEPS) for s in channels] for channels in systems]
     image = _blended(cut, systems, latents)
     yield image
-    if prior == "tv":
+    if prior != "denoiser":
         return
     noise = math.sqrt(noise**2 + UNEXPLAINED * max(unexplained(frame, latents) - EXPLAINED * noise**2, 0))
     pilot = matches = None

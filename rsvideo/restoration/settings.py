@@ -15,7 +15,7 @@ class Settings:
     degree: int = 4  # P; a quartic fits 40 ms of measured hand shake to 0.004-0.035 px RMS, a cubic to several times that
     start: Literal["spectra", "kernels", "tracing"] = "spectra"  # the first trajectory: of patches, of strips with PSFs, or traced
     refinement: Literal["sparsity", "alternation"] = "sparsity"  # latent image eliminated, or the paper's Algorithm 1
-    prior: Literal["denoiser", "tv"] = "denoiser"
+    prior: Literal["denoiser", "tv", "draft"] = "denoiser"
     samples: int = 30  # K, path samples an exposure (the paper's, Sec. 5); a longer path takes one a pixel
     mu: float = 1e-2  # the alternation's first weight of total variation (Sec. 5)
     mu_factor: float = 0.7  # tau (Sec. 5)

@@ -30,6 +30,7 @@ _LATER = (
     "rsvideo.pipeline",
     "rsvideo.batch",
     "rsvideo.comparison",
+    "rsvideo.view",
     "rsvideo.cli",
 )  # stand-ins replace parts of them before they are imported
 _NEEDS_EXTRA = ("rsvideo.vs",)
