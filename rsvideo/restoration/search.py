@@ -16,6 +16,7 @@ from rsvideo.restoration.refinement import focused, refine
 from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import APART, TIMES, SpectralBelief, apart, mirrored, spectral_paths
+from rsvideo.restoration.verdict import FOCUS, MIRROR
 
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
@@ -56,12 +57,19 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
 
 
 def _finalists(scene: Scene, paths: list[Trajectory]) -> list[Trajectory]:
-    """The path that most speaks for, and one that differs from it, if nearly as much speaks for that."""
+    """The path that most speaks for, and one that differs from it, if nearly as much speaks for that.
+
+    That other one has to be convincing as it is: focusing raises what speaks for any path, so trying more of them restores more wrongly.
+    """
     times = np.linspace(*scene.camera.timing.interval, TIMES)
-    rated = sorted(((sum(compared(scene, path)), path) for path in paths), key=lambda pair: pair[0], reverse=True)
-    first = rated[0]
-    others = (path for value, path in rated[1:] if value > first[0] - CLOSE and apart(path, first[1], times) > APART)
-    return [first[1], *islice(others, 1)]
+    rated = sorted(((compared(scene, path), path) for path in paths), key=lambda pair: sum(pair[0]), reverse=True)
+    most, first = rated[0]
+    others = (
+        path
+        for (mirror, focus), path in rated[1:]
+        if mirror > MIRROR and focus > FOCUS and mirror + focus > sum(most) - CLOSE and apart(path, first, times) > APART
+    )
+    return [first, *islice(others, 1)]
 
 
 def _focused(path: Trajectory, scenes: tuple[tuple[Scene, int], ...], belief: SpectralBelief, part: Scene) -> Estimate:

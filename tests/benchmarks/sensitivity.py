@@ -32,6 +32,7 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
     "spectral_paths.STIFFNESS",
     "search.SPECTRA",
     "search.LAST_SPECTRA",
+    "search.CLOSE",
     "search.COARSE_REACH",
     "verdict.REST",
     "verdict.MIRROR",
