@@ -129,7 +129,7 @@ def same() -> Iterator[Row]:
                 first = first or made
                 verdicts = [frame["verdict"] for frame in json.loads((folder / "out" / "a_rsvideo.rsvideo.json").read_text())["frames"]]
                 restored = sum(verdict == "restored" for verdict in verdicts)
-                yield {"manner": manner, "restored": restored, "clip": made["a_rsvideo.mp4"][:12], "same": "yes" if made == first else "no"}
+                yield {"manner": manner, "restored": restored, "same": "yes" if made == first else "no"}
 
 
 def overhead(pairs: int) -> Iterator[Row]:

@@ -105,12 +105,13 @@ def main() -> None:
     parser.add_argument("--crop", metavar="COLSxROWS")
     parser.add_argument("--every", type=int, default=1)
     request = parser.parse_args()
-    crop: Crop = tuple(map(int, request.crop.split("x")[::-1])) if request.crop else None
+    cols, rows = map(int, request.crop.split("x")) if request.crop else (0, 0)
+    crop = (rows, cols) if request.crop else None
     os.environ |= {"RSVIDEO_THREADS": "1", "OMP_NUM_THREADS": "1"} if request.jobs > 1 else {}
     cases = sorted(path.parent for path in request.cases.glob("*/case.json"))[:: request.every]
     if not cases:
         sys.exit(f"{request.cases} must hold cases, NAME/case.json")
-    rows = []
+    changes = []
     with ProcessPoolExecutor(request.jobs) as pool:
         measure = partial(gains, pool, cases, request.motion, crop)
         now = measure(None, 1.0)
@@ -123,9 +124,9 @@ def main() -> None:
                     f"{word}_db": sum(changed) / len(changed) - sum(now) / len(now),
                     f"{word}_least_db": min(a - b for a, b in zip(changed, now, strict=True)),
                 }
-            rows.append(row)
+            changes.append(row)
             print(f"{number:28}" + "".join(f"{value:+8.2f}" for value in row.values() if isinstance(value, float)), flush=True)
-            request.output.write_text(json.dumps({"cases": len(cases), "mean_gain_db": sum(now) / len(now), "rows": rows}, indent=1))
+            request.output.write_text(json.dumps({"cases": len(cases), "mean_gain_db": sum(now) / len(now), "rows": changes}, indent=1))
 
 
 def gains(pool: ProcessPoolExecutor, cases: list[Path], motion: Motion, crop: Crop, number: str | None, factor: float) -> list[float]:
