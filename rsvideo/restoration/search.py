@@ -22,6 +22,7 @@ SPECTRA = 0.5  # weight of the spectra's misfit beside f
 HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
 CLOSE = 4.0  # standard errors, by which less may speak for a path than for the best one, and it is focused too
+LEAD = 2.0  # standard errors, by which more must speak for that other path once both are focused
 LAST_SPECTRA = 0.1  # weight of the spectra's misfit beside the focus
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
@@ -52,8 +53,8 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         running = [r for r in running if not beyond(scene.camera, r.trajectory)][:most] or running[:1]
     belief = replace(belief, weight=LAST_SPECTRA)
     scenes = ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS))
-    ends = [_focused(path, scenes, belief, part) for path in _finalists(trial, [runner.trajectory for runner in running])]
-    yield max(ends, key=_speaks)
+    first, *others = [_focused(path, scenes, belief, part) for path in _finalists(trial, [runner.trajectory for runner in running])]
+    yield max((first, *(other for other in others if _speaks(other) > _speaks(first) + LEAD)), key=_speaks)
 
 
 def _finalists(scene: Scene, paths: list[Trajectory]) -> list[Trajectory]:

@@ -33,6 +33,7 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
     "search.SPECTRA",
     "search.LAST_SPECTRA",
     "search.CLOSE",
+    "search.LEAD",
     "search.COARSE_REACH",
     "verdict.REST",
     "verdict.MIRROR",
