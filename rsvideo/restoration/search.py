@@ -53,8 +53,8 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         running = [r for r in running if not beyond(scene.camera, r.trajectory)][:most] or running[:1]
     belief = replace(belief, weight=LAST_SPECTRA)
     scenes = ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS))
-    first, *others = [_focused(path, scenes, belief, part) for path in _finalists(trial, [runner.trajectory for runner in running])]
-    yield max((first, *(other for other in others if _speaks(other) > _speaks(first) + LEAD)), key=_speaks)
+    ends = [_focused(path, scenes, belief, part) for path in _finalists(trial, [runner.trajectory for runner in running])]
+    yield ends[-1] if _speaks(ends[-1]) > _speaks(ends[0]) + LEAD else ends[0]
 
 
 def _finalists(scene: Scene, paths: list[Trajectory]) -> list[Trajectory]:
