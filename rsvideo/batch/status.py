@@ -19,6 +19,7 @@ from rsvideo.batch.plan import Batch, Planned, Unreadable
 from rsvideo.batch.run import Event
 from rsvideo.config.files import UnreadableError, read_whole
 from rsvideo.config.printable import in_unicode
+from rsvideo.pipeline import processes
 
 NAME = "ledger.status.json"  # goes with the ledger
 MOST_CLIPS = 1000  # that are listed; the others are counted
@@ -86,11 +87,8 @@ class Status(BaseModel):
 
 def born(pid: int) -> int | None:
     """When a process began, in the system's ticks; None where there is none, or where the system does not say."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
-        return None if fields[0] in "ZX" else int(fields[_BORN])
-    except (OSError, ValueError, IndexError):
-        return None
+    fields = processes.stat(pid)
+    return int(fields[_BORN]) if len(fields) > _BORN and fields[0] not in "ZX" else None
 
 
 def read(working: Path) -> Status | None:

@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any
 
 from rsvideo.config.placing import SIGNALS
@@ -40,6 +41,13 @@ def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     theirs.close()
     return ours, process  # pyright: ignore[reportReturnType] # Windows has another kind
+
+
+def stat(pid: int) -> list[str]:
+    """The fields of /proc/PID/stat behind the command's name; none where there is no such process, or the system does not say."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+    return []
 
 
 def death(process: BaseProcess) -> str:

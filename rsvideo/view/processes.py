@@ -5,6 +5,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from rsvideo.pipeline.processes import stat
+
 _PROCESSES = Path("/proc")
 _PARENT, _PAGES = 1, 21  # of the fields of /proc/PID/stat behind the command's name
 
@@ -24,18 +26,12 @@ def descendants(pid: int) -> list[int]:
 def resident(pids: Iterable[int]) -> int | None:
     """Bytes of memory that processes hold together; what they share is counted for each."""
     page = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 0
-    held = [int(fields[_PAGES]) * page for pid in set(pids) for fields in _stat(pid)]
+    held = [int(fields[_PAGES]) * page for pid in set(pids) if (fields := stat(pid))]
     return sum(held) if held else None
 
 
 def _stats() -> Iterator[tuple[int, list[str]]]:
     with suppress(OSError):
         for entry in _PROCESSES.iterdir():
-            if entry.name.isdecimal():
-                for fields in _stat(int(entry.name)):
-                    yield int(entry.name), fields
-
-
-def _stat(pid: int) -> Iterator[list[str]]:
-    with suppress(OSError, ValueError):
-        yield (_PROCESSES / str(pid) / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+            if entry.name.isdecimal() and (fields := stat(int(entry.name))):
+                yield int(entry.name), fields
