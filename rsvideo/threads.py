@@ -4,8 +4,9 @@ import math
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from concurrent.futures import Future
+from functools import cache, partial
+from queue import SimpleQueue
 from typing import Any, TypeVar
 
 from numba import njit
@@ -59,7 +60,7 @@ def spread(loop: Callable[..., None], count: int, *arguments: Any, size: float =
         return
     parts = min(count, threads * _PARTS)
     bounds = iter([(count * k // parts, count * (k + 1) // parts) for k in range(parts)])
-    helpers = [_pool().submit(_work, loop, bounds, arguments) for _ in range(threads - 1)]
+    helpers = [_crew().submit(partial(_work, loop, bounds, arguments)) for _ in range(threads - 1)]
     _work(loop, bounds, arguments)
     for helper in helpers:
         helper.result()
@@ -70,7 +71,7 @@ def each(call: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Resu
     wanted = list(items)
     if _free(len(wanted)) == 1:
         return [call(item) for item in wanted]
-    return list(_pool().map(call, wanted))
+    return [answer.result() for answer in [_crew().submit(partial(call, item)) for item in wanted]]
 
 
 def _work(loop: Callable[..., None], bounds: Iterator[tuple[int, int]], arguments: tuple[Any, ...]) -> None:
@@ -84,14 +85,38 @@ def _free(count: int) -> int:
     return 1 if getattr(_here, "shared", False) else max(1, min(most(), count))
 
 
+class _Crew:
+    """Threads that take one call after another, and that Python does not wait for at its end.
+
+    For a ThreadPoolExecutor's it does: a signal that raises while one is started would leave Python waiting for ever.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._calls = SimpleQueue[tuple[Future[Any], Callable[[], Any]]]()
+        for _ in range(count):
+            threading.Thread(target=self._serve, daemon=True).start()
+
+    def submit(self, call: Callable[[], _Result]) -> "Future[_Result]":
+        """What the call will have answered."""
+        answer = Future[_Result]()
+        self._calls.put((answer, call))
+        return answer
+
+    def _serve(self) -> None:
+        _here.shared = True
+        while True:
+            answer, call = self._calls.get()
+            try:
+                answer.set_result(call())
+            except BaseException as error:
+                answer.set_exception(error)
+            del answer, call  # while it waits for the next
+
+
 @cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(most(), initializer=_share)
-
-
-def _share() -> None:
-    _here.shared = True
+def _crew() -> _Crew:
+    return _Crew(most())
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive it
+    os.register_at_fork(after_in_child=_crew.cache_clear)  # threads do not survive it

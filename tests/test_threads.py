@@ -1,6 +1,8 @@
 """Loops and calls that threads share."""
 
 import os
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -22,10 +24,10 @@ def squares(first, last, values, out):
 def count(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """How many threads there are."""
     monkeypatch.setenv(threads.VARIABLE, str(request.param))
-    for cached in (threads.most, threads._pool):
+    for cached in (threads.most, threads._crew):
         cached.cache_clear()
     yield request.param
-    for cached in (threads.most, threads._pool):
+    for cached in (threads.most, threads._crew):
         cached.cache_clear()
 
 
@@ -71,6 +73,26 @@ def test_what_a_part_raises_is_raised(count: int) -> None:
 
     with pytest.raises(ArithmeticError, match="the last part"):
         threads.spread(loop, 100)
+
+
+INTERRUPTED = """
+import threading
+from rsvideo import threads
+
+start = threading.Thread.start
+def interrupted(thread):
+    start(thread)
+    raise KeyboardInterrupt
+
+threading.Thread.start = interrupted
+threads.each(str, range(9))
+"""
+
+
+def test_a_signal_while_threads_are_started_does_not_keep_python_from_ending() -> None:
+    line, stated = [sys.executable, "-c", INTERRUPTED], {threads.VARIABLE: "3"}
+    done = subprocess.run(line, capture_output=True, text=True, env=os.environ | stated, timeout=30, check=False)
+    assert done.stderr.endswith("KeyboardInterrupt\n")
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")

@@ -4,7 +4,6 @@ import math
 import os
 import platform
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from rsvideo.comparison.preflight import Box
 from rsvideo.config.request import Request
 from rsvideo.progress import Observer, Progress
 from rsvideo.report.comparison import Comparison, Crop, Entry, FrameMeasures
-from rsvideo.threads import cores
 from rsvideo.video.mosaic import Grid, Mosaic
 
 _VIDEO_BYTES = 4_500_000  # of a page, before they become text
@@ -63,16 +61,15 @@ def compared(request: Request, runs: Sequence[MethodRun], *, truth: Path | None,
     count, scale = source.last - source.first, key_frames.scale(source.rows, source.cols)
     wanted = key_frames.chosen(count, len(entries), source.rows * source.cols * scale**2)
     video = _Video(entries, source)
-    with ThreadPoolExecutor(cores()) as pool:
-        measured, album = Measuring(entries, pool), Album(len(wanted), scale, pool)
-        for n, (index, pictures) in enumerate(entry_pictures.lined_up(entries, source)):
-            observe(Progress(stage=f"measuring frame {index}", fraction=n / count))
-            residuals = measuring.residuals(entries, index, pictures) if n in wanted else {}
-            measured.add(index, source.times[n], pictures, residuals)
-            video.add(pictures)
-            if n in wanted:
-                records = {entry.name: entry.records[index] for entry in entries if entry.name in pictures and index in entry.records}
-                album.add(index, source.times[n], pictures, records, residuals)
+    measured, album = Measuring(entries), Album(len(wanted), scale)
+    for n, (index, pictures) in enumerate(entry_pictures.lined_up(entries, source)):
+        observe(Progress(stage=f"measuring frame {index}", fraction=n / count))
+        residuals = measuring.residuals(entries, index, pictures) if n in wanted else {}
+        measured.add(index, source.times[n], pictures, residuals)
+        video.add(pictures)
+        if n in wanted:
+            records = {entry.name: entry.records[index] for entry in entries if entry.name in pictures and index in entry.records}
+            album.add(index, source.times[n], pictures, records, residuals)
     return _gathered(request.source, truth, source, _entries(entries, runs, measured.of_entry), album, video, crops)
 
 

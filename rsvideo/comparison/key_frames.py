@@ -1,12 +1,12 @@
 """What a page shows of a comparison: which frames, at which size, and the parts in which they differ most."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
 from functools import partial
 
 import cv2
 import numpy as np
 
+from rsvideo import threads
 from rsvideo.comparison.decoded import DecodedPicture, Light
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.report import metrics
@@ -44,8 +44,8 @@ def scale(rows: int, cols: int) -> float:
 class Album:
     """Takes the key frames one after the other, and keeps where the entries differ most."""
 
-    def __init__(self, count: int, scale: float, pool: Executor) -> None:
-        self._count, self._scale, self._pool = count, scale, pool
+    def __init__(self, count: int, scale: float) -> None:
+        self._count, self._scale = count, scale
         self._bytes_left = float(PICTURES_BYTES)
         self.frames: list[KeyFrame] = []
         self.first_shown = 0  # of the frames, the one in which the entries differ most
@@ -80,7 +80,7 @@ class Album:
         """All pictures at one quality, the best at which they take at most so many bytes, or the worst."""
         found: list[bytes] = []
         for quality in _QUALITIES:
-            found = list(self._pool.map(partial(_webp, size=self._scale, quality=quality), [each.shown for each in pictures.values()]))
+            found = threads.each(partial(_webp, size=self._scale, quality=quality), [each.shown for each in pictures.values()])
             if sum(map(len, found)) <= most:
                 break
         return dict(zip(pictures, found, strict=True))

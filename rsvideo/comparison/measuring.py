@@ -1,11 +1,11 @@
 """What is measured of each frame of each entry."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from functools import partial
 
 import numpy as np
 
+from rsvideo import threads
 from rsvideo.comparison import residual
 from rsvideo.comparison.decoded import DecodedPicture, Light
 from rsvideo.comparison.entry_pictures import EntryPictures
@@ -17,8 +17,8 @@ from rsvideo.report.comparison import FrameMeasures
 class Measuring:
     """Measures the entries frame by frame, in order; `of_entry` holds what was measured by then."""
 
-    def __init__(self, entries: Sequence[EntryPictures], pool: Executor) -> None:
-        self._entries, self._pool = entries, pool
+    def __init__(self, entries: Sequence[EntryPictures]) -> None:
+        self._entries = entries
         self._before: dict[str, tuple[int, np.ndarray]] = {}  # each entry's last luma, and the index of its frame
         self.of_entry: dict[str, list[FrameMeasures]] = {entry.name: [] for entry in entries}
 
@@ -28,7 +28,7 @@ class Measuring:
         lumas = {name: metrics.luma(picture.codes) for name, picture in pictures.items()}
         earlier = {name: luma for name, (at, luma) in self._before.items() if at == index - 1}
         self._before = {name: (index, luma) for name, luma in lumas.items()}
-        values = list(self._pool.map(partial(_values, pictures=pictures, lumas=lumas, earlier=earlier), present))
+        values = threads.each(partial(_values, pictures=pictures, lumas=lumas, earlier=earlier), present)
         for entry, found in zip(present, values, strict=True):
             if entry.name in residuals:
                 found["whiteness"] = metrics.whiteness(*residuals[entry.name])

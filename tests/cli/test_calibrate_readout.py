@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -14,7 +13,6 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 from typer.testing import CliRunner
 
-from calibration import flicker
 from rsvideo.cli import app
 from rsvideo.cli.exit_codes import code_and_line
 from rsvideo.physics import gyro, shake, simulate, tone
@@ -22,8 +20,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting import profiles
-
-ROWS, COLS, FPS = 240, 320, Fraction(30000, 1001)
+from tests.calibration.flickering import COLS, FPS, ROWS, lit
 
 
 def ran(*words: object) -> tuple[int, dict]:
@@ -55,17 +52,6 @@ def encoded(path: Path, lights: list[np.ndarray]) -> Path:
             file.mux(video.encode(VideoFrame.from_ndarray(planes, "yuv420p")))
         file.mux(video.encode())
     return path
-
-
-def lit(direction: Direction = Direction.TOP_TO_BOTTOM, frames: int = 12) -> list[np.ndarray]:
-    """A wall under a light of 500 Hz, read in 18 ms."""
-    timing = ShutterTiming.from_readout(
-        exposure=0.0005, readout=0.018, rows=ROWS if direction.value.endswith(("top", "bottom")) else COLS, direction=direction
-    )
-    wall = np.broadcast_to(0.3 + 0.1 * np.sin(np.arange(COLS) / 30), (ROWS, COLS))[..., None]
-    gains = [flicker.gains(timing, float(k / FPS), flicker.sine(0.3), hertz=500) for k in range(frames)]
-    noise = np.random.default_rng(0)
-    return [flicker.lit(wall, timing, gain)[..., 0] + 0.003 * noise.standard_normal((ROWS, COLS)) for gain in gains]
 
 
 @pytest.fixture(scope="module")

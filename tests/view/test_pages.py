@@ -1,9 +1,7 @@
 """The pages in a real browser: a clip tried, saved as a job, run, watched by a page that comes later, and its result found."""
 
-import contextlib
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -15,7 +13,10 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from rsvideo.batch import plan, status
+from tests.batch import clusters, runs
+from tests.robustness import jobs
 from tests.view.servers import STAND_IN, Server, serving
+from tests.view.tabs import tab
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 HOSTILE = "<img src=x onerror=document.title='run'> & \"q\".mp4"
@@ -36,24 +37,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def server(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     with serving(folder, state=tmp_path_factory.mktemp("state"), PACE=PACE) as running:
         yield running
-
-
-@contextlib.contextmanager
-def tab(browser: Browser, address: str, *, width: int = 1024, dark: bool = False) -> Iterator[Page]:
-    """A page; what it complains about, and whatever it asks of anybody else, fails the test."""
-    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if dark else "light", reduced_motion="reduce")
-    complaints, asked = [], []
-    page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(address)
-    page.wait_for_selector("html[data-ready]")
-    yield page
-    assert complaints == []
-    origin = re.match(r"http://127\.0\.0\.1:\d+/", address)
-    assert origin
-    assert [url for url in asked if not url.startswith(origin[0])] == []
-    page.close()
 
 
 def previewed(page: Page) -> bytes:
@@ -137,6 +120,24 @@ def test_a_run_that_somebody_else_started_is_watched_paused_and_cancelled(browse
         page.wait_for_selector(f"{article}[data-state=running]", timeout=20_000)
         page.click(f"{article} button:text-is('Cancel')")
         page.wait_for_selector(f"{article}[data-state=ready]", timeout=20_000)  # its one chunk was not done: nothing is kept
+        assert run.wait(timeout=20) == 128 + signal.SIGTERM
+
+
+@pytest.mark.long
+def test_a_run_on_the_workers_of_a_scheduler_is_watched_and_cancelled(browser: Browser, server: Server, folder: Path) -> None:
+    job = jobs.make(folder / "farm")
+    tally = folder / "farm" / "tally"
+    words = ("run", job, "--scheduler", "local", "--progress", "none")
+    with (
+        runs.under_way(*words, PACE=0.4, TALLY=tally, PYTHONPATH=clusters.EVERYWHERE["PYTHONPATH"]) as run,
+        tab(browser, f"{server.address}jobs") as page,
+    ):
+        article = "article[data-name='job.yaml']"
+        page.wait_for_selector(f"{article}[data-state=running] >> text=local", timeout=40_000)
+        runs.begun(tally, 2)
+        assert "one.mp4" in page.inner_text(article)
+        page.click(f"{article} button:text-is('Cancel')")
+        page.wait_for_selector(f"{article}:not([data-state=running])", timeout=20_000)
         assert run.wait(timeout=20) == 128 + signal.SIGTERM
 
 
