@@ -8,6 +8,7 @@ from typing import Any
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 
 from rsvideo.config.files import UnreadableError
@@ -25,7 +26,7 @@ from rsvideo.view.opened import Opened, OutsideError
 from rsvideo.view.previews import Desk
 from rsvideo.view.thumbnails import Album
 
-PAGES = {"/": "folder.html", "/clip": "clip.html", "/jobs": "jobs.html", "/calibrate": "calibrate.html"}
+PAGES = {"/": "folder", "/clip": "clip", "/jobs": "jobs", "/calibrate": "calibrate"}
 _STATIC = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 
 
@@ -65,15 +66,18 @@ def application(room: Room) -> FastAPI:
 
 
 def text(name: str) -> str:
-    """A page, style or script that stands beside this module, or the report's style."""
+    """A style, script or picture that stands beside this module, or the report's style."""
     if name == "report.css":
         return embedded.text("page.css")
     return resources.files("rsvideo.view").joinpath("static", name).read_text(encoding="utf-8")
 
 
 def _add_pages(app: FastAPI) -> None:
-    for address, file in PAGES.items():
-        _add_page(app, address, file)
+    templates = Environment(
+        loader=PackageLoader("rsvideo.view"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    for address, name in PAGES.items():
+        _add_page(app, address, templates.get_template(f"{name}.html").render())
 
     @app.get("/static/{name}")
     def static(name: str) -> Response:
@@ -86,10 +90,10 @@ def _add_pages(app: FastAPI) -> None:
             return fault(404, "there is no such file; reload the page")
 
 
-def _add_page(app: FastAPI, address: str, file: str) -> None:
+def _add_page(app: FastAPI, address: str, text: str) -> None:
     @app.get(address)
     def page() -> Response:
-        return Response(text(file), media_type="text/html")
+        return Response(text, media_type="text/html")
 
 
 def fault(number: int, words: str, **more: Any) -> JSONResponse:
