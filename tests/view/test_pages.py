@@ -64,6 +64,8 @@ def test_a_clip_is_tried_saved_run_and_found_by_a_page_that_comes_later(browser:
         assert "10 ms: typed in" in page.inner_text("#facts")
         assert page.inner_text("#left-tag").startswith("A: ")
         assert page.inner_text("#right-tag").startswith("B: ")
+        page.set_viewport_size({"width": 390, "height": 900})  # two settings have long names
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
         page.click("#save")
         page.wait_for_selector("#to-job")
         page.click("#to-job")
