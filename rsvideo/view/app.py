@@ -52,11 +52,29 @@ class Room:
         self.bench.close()
 
 
+class Plain(JSONResponse):
+    """Values for a page, in whose words nothing acts: control characters and turns of the writing direction are written out.
+
+    What names a file, under the key `at` or one that ends with it, stays as it is.
+    """
+
+    def render(self, content: Any) -> bytes:
+        return super().render(_plain(content))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value, keep="\n")
+    if isinstance(value, dict):
+        return {key: each if key.endswith("at") else _plain(each) for key, each in value.items()}
+    return [_plain(each) for each in value] if isinstance(value, list) else value
+
+
 def application(room: Room) -> FastAPI:
     """The application, without a page of its own documentation, which would need a network."""
     from rsvideo.view import calibration_addresses, clip_addresses, job_addresses
 
-    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, default_response_class=Plain)
     _add_faults(app)
     _add_pages(app)
     app.include_router(clip_addresses.router(room))

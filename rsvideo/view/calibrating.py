@@ -16,6 +16,7 @@ from typing import Any
 from rsvideo.config.files import made_within
 from rsvideo.config.media import CLIP_SUFFIXES
 from rsvideo.config.placing import aside, check_free, place
+from rsvideo.config.printable import printable
 from rsvideo.view.errands import Errand, Errands
 from rsvideo.view.opened import PHOTOGRAPHS
 
@@ -100,7 +101,7 @@ class Bench:
 
     async def take(self, session: Session, name: str, pieces: AsyncIterator[bytes]) -> None:
         """A file that was dropped in, piece by piece; ValueError where it may not be."""
-        if not _NAME.fullmatch(name) or not name.lower().endswith((*PHOTOGRAPHS, *CLIP_SUFFIXES)):
+        if printable(name) != name or not _NAME.fullmatch(name) or not name.lower().endswith((*PHOTOGRAPHS, *CLIP_SUFFIXES)):
             raise ValueError(f"{name[:80]!r} is no photograph or clip by its name; drop pictures of the board, or a clip")
         held = session.listed()
         if len(held) >= MOST_FILES:
@@ -166,7 +167,7 @@ class Bench:
     def save(self, session: Session, folder: Path, name: str, *, overwrite: bool) -> Path:
         """Put the profile into a folder that was opened; ValueError, FileExistsError or OSError."""
         stem = name.removesuffix(".yaml").strip()
-        if not _NAME.fullmatch(stem):
+        if printable(stem) != stem or not _NAME.fullmatch(stem):
             raise ValueError(f"a profile's name must be a plain file name such as my_phone_1080p30, got {name[:80]!r}")
         if not session.profile.is_file():
             raise ValueError("nothing is measured yet; measure the lens or the readout first")

@@ -100,7 +100,8 @@ def _add_lists(here: APIRouter, room: Room) -> None:
         wanted = _sections(room, path, wish.settings)
         room.desk.warm()
         found = room.glancing.one(Facts(path=path, sections=wanted), seconds=glance.SECONDS)
-        return {"facts": found, "fields": fields.listed(path), "folder": room.opened.at(path.parent), "most_frames": MOST_FRAMES}
+        place = {"name": path.name, "folder": room.opened.at(path.parent)}
+        return place | {"facts": found, "fields": fields.listed(path), "most_frames": MOST_FRAMES}
 
 
 def _add_trials(here: APIRouter, room: Room) -> None:

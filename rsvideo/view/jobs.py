@@ -204,11 +204,12 @@ class Jobs:
         return self._results[record][1] and output.exists()
 
     def _places(self, source: object, output: object, job: Job) -> dict[str, Any]:
-        """Where source and result are, as far as their folders were opened."""
+        """How source and result are called, and where they are, as far as their folders were opened."""
         found: dict[str, Any] = {}
-        for name, path in (("source_at", Path(str(source))), ("output_at", Path(str(output)))):
+        for which, path in (("source", Path(str(source))), ("output", Path(str(output)))):
             whole = path if path.is_absolute() else job.path.parent / path
-            found[name] = self._opened.at(whole) if self._opened.holds(whole) and whole.exists() else None
+            found[f"{which}_name"] = path.name
+            found[f"{which}_at"] = self._opened.at(whole) if self._opened.holds(whole) and whole.exists() else None
         return found
 
     def _last_words(self, job: Job, held: Status | None, state: str) -> str:

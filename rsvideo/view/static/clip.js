@@ -1,4 +1,4 @@
-import { $, address, ask, attempting, base, bytes, clock, el, Fault, here, ready, say, shortly, tell } from "./page.js";
+import { $, address, ask, attempting, bytes, clock, el, Fault, here, ready, say, shortly, tell } from "./page.js";
 import { Fields } from "./fields.js";
 import { drawn, words } from "./strip.js";
 
@@ -228,17 +228,17 @@ function describe() {
 }
 
 const open = attempting(async () => {
-  $("title").textContent = base(at);
-  document.title = `${base(at)} · rsvideo`;
   const found = await look();
   if (!found) return;
+  $("title").textContent = found.name;
+  document.title = `${found.name} · rsvideo`;
   facts = found.facts;
   frames = facts.frames;
   for (const field of found.fields) field.name_ = field.key.split(".")[1];
   fields = new Fields($("settings"), found.fields, JSON.parse(localStorage.getItem(kept) || "{}"), changed);
   fields.explain(facts);
   describe();
-  $("job-name").value = base(at).replace(/\.[^.]*$/, "");
+  $("job-name").value = found.name.replace(/\.[^.]*$/, "");
   for (const id of ["frame", "last", "picker"]) $(id).max = frames - 1;
   const first = Math.min(Number(here.get("frame")) || Math.floor(frames / 2), frames - 1);
   $("frame").value = $("last").value = first;

@@ -1,4 +1,4 @@
-import { $, address, ask, attempting, base, bytes, clock, el, here, ready, say, tell } from "./page.js";
+import { $, address, ask, attempting, bytes, clock, el, here, ready, say, tell } from "./page.js";
 
 const UNDER_WAY = ["running", "preparing", "starting", "pausing", "paused"];
 const WORDS = {
@@ -37,8 +37,8 @@ function made(job) {
 const STATES = { waiting: "waiting", working: "under way", finished: "finished", failed: "failed" };
 
 function row(clip) {
-  const source = clip.source_at ? el("a", { href: address("clip", { at: clip.source_at }) }, base(clip.source)) : base(clip.source);
-  const result = clip.output_at && clip.state === "finished" ? el("a", { class: "result", href: address("clip", { at: clip.output_at }) }, base(clip.output)) : base(clip.output);
+  const source = clip.source_at ? el("a", { href: address("clip", { at: clip.source_at }) }, clip.source_name) : clip.source_name;
+  const result = clip.output_at && clip.state === "finished" ? el("a", { class: "result", href: address("clip", { at: clip.output_at }) }, clip.output_name) : clip.output_name;
   const part = clip.state === "working" ? `${Math.round(100 * clip.fraction)} %${clip.words ? `, ${clip.words}` : ""}` : clip.words;
   const state = el("td", { class: clip.state === "failed" ? "error" : "" }, part ? `${STATES[clip.state]}: ${part}` : STATES[clip.state]);
   return el("tr", {}, el("td", {}, source), state, el("td", {}, clip.chunks ? `${clip.chunks_done} of ${clip.chunks}` : ""), el("td", {}, result));

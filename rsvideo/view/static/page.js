@@ -63,5 +63,4 @@ export function bytes(n) {
 }
 
 export const shortly = (value, digits = 4) => Number(value.toPrecision(digits)).toString();
-export const base = (path) => path.replace(/[\\/]+$/, "").split(/[\\/]/).pop();
 export const ready = () => (document.documentElement.dataset.ready = "yes");
