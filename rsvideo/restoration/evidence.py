@@ -4,8 +4,8 @@ A latent image's gradients are sparser along the true path than along its mirror
 (restoration.focus). How much sparser depends on the picture; whether it is so does not: the difference is measured in blocks of the
 frame, and counts by how far the blocks agree, in standard errors of their mean.
 
-Gradients are measured by sqrt(|grad l| / rms_local(grad l)), which hardly feels how strong an edge is: to tell a path from its mirror
-image, that mostly shows more than f itself does, and so does a latent image of a weaker ridge than the one that paths are searched by.
+Gradients are measured by a power of |grad l| / rms_local(grad l), which hardly feels how strong an edge is and mostly shows more than f
+itself does. To which side kernels lean shows best in latent images of a weak ridge, whose noise differs: two of them are asked.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,8 @@ from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.sparsity import density
 from rsvideo.restoration.spectrum import Spectrum
 
-POWER = 0.5  # of a gradient, relative to those about it
+POWER = 0.3  # of a gradient, relative to those about it
+MIRROR_RIDGES, FOCUS_RIDGE = (0.3, 1.0), 3.0  # times the scene's own
 BLOCK = 48  # px: about the window in which gradients are compared, so that blocks are nearly independent
 LEAST_WEIGHT = 0.05  # of the best block's, which a block must have to count
 STRETCH = 3.0  # px by which the longest of a path's blurs is shorter and longer beside it
@@ -55,13 +56,17 @@ def compared(scene: Scene, path: Trajectory) -> tuple[float, float]:
     """The standard errors by which gradients are sparser than along the mirror image, and than along the path shorter and longer."""
     scene, path = sampled(scene, path), centred(path, scene.camera.timing.middle)
     factor = 1 + STRETCH / max(longest(scene.camera, path), SHORTEST)
-    sparse = {
-        times: density(scene, path.with_coefficients(times * path.coefficients), scene.ridge, POWER)
-        for times in (1.0, -1.0, 1 / factor, factor)
-    }
-    own, weight = sparse[1.0]
-    beside = (sparse[factor][0] + sparse[1 / factor][0]) / 2
-    return certainty(sparse[-1.0][0] - own, weight), certainty(beside - own, weight)
+
+    def sparse(times: float, ridge: float) -> tuple[np.ndarray, np.ndarray]:
+        return density(scene, path.with_coefficients(times * path.coefficients), ridge * scene.ridge, POWER)
+
+    mirror = []
+    for ridge in MIRROR_RIDGES:
+        own, weight = sparse(1.0, ridge)
+        mirror.append(certainty(sparse(-1.0, ridge)[0] - own, weight))
+    own, weight = sparse(1.0, FOCUS_RIDGE)
+    beside = (sparse(factor, FOCUS_RIDGE)[0] + sparse(1 / factor, FOCUS_RIDGE)[0]) / 2
+    return float(np.mean(mirror)), certainty(beside - own, weight)
 
 
 def certainty(difference: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "rows cols"]) -> float:

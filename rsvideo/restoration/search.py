@@ -3,9 +3,6 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import islice
-
-import numpy as np
 
 from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.restoration import kernel_search
@@ -15,14 +12,11 @@ from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.refinement import focused, refine
 from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.spectral_paths import APART, TIMES, SpectralBelief, apart, mirrored, spectral_paths
-from rsvideo.restoration.verdict import FOCUS, MIRROR
+from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
 
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
-HEATS = ((3, False, 5), (5, False, 3), (5, True, 3))  # steps, on all columns?, how many paths go on; origin: by trial
+HEATS = ((3, False, 6), (5, False, 4), (5, True, 4))  # steps, on all columns?, how many paths go on; origin: by trial
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
-CLOSE = 4.0  # standard errors, by which less may speak for a path than for the best one, and it is focused too
-LEAD = 2.0  # standard errors, by which more must speak for that other path once both are focused
 LAST_SPECTRA = 0.1  # weight of the spectra's misfit beside the focus
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
@@ -53,24 +47,8 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         running = [r for r in running if not beyond(scene.camera, r.trajectory)][:most] or running[:1]
     belief = replace(belief, weight=LAST_SPECTRA)
     scenes = ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS))
-    ends = [_focused(path, scenes, belief, part) for path in _finalists(trial, [runner.trajectory for runner in running])]
-    yield ends[-1] if _speaks(ends[-1]) > _speaks(ends[0]) + LEAD else ends[0]
-
-
-def _finalists(scene: Scene, paths: list[Trajectory]) -> list[Trajectory]:
-    """The path that most speaks for, and one that differs from it, if nearly as much speaks for that.
-
-    That other one has to be convincing as it is: focusing raises what speaks for any path, so trying more of them restores more wrongly.
-    """
-    times = np.linspace(*scene.camera.timing.interval, TIMES)
-    rated = sorted(((compared(scene, path), path) for path in paths), key=lambda pair: sum(pair[0]), reverse=True)
-    most, first = rated[0]
-    others = (
-        path
-        for (mirror, focus), path in rated[1:]
-        if mirror > MIRROR and focus > FOCUS and mirror + focus > sum(most) - CLOSE and apart(path, first, times) > APART
-    )
-    return [first, *islice(others, 1)]
+    path = max((runner.trajectory for runner in running), key=lambda path: sum(compared(part, path)))
+    yield _focused(path, scenes, belief, part)
 
 
 def _focused(path: Trajectory, scenes: tuple[tuple[Scene, int], ...], belief: SpectralBelief, part: Scene) -> Estimate:
@@ -84,12 +62,6 @@ def _focused(path: Trajectory, scenes: tuple[tuple[Scene, int], ...], belief: Sp
         path = mirrored(path)
         found = evidence(part, belief.spectrum, path)
     return Estimate(stage="path", fraction=ESTIMATED, trajectory=path, values=values, evidence=found)
-
-
-def _speaks(estimate: Estimate) -> float:
-    """Standard errors in all."""
-    assert estimate.evidence is not None
-    return estimate.evidence.mirror + estimate.evidence.focus
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

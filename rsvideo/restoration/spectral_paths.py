@@ -1,11 +1,12 @@
 """The first trajectories of a frame: the paths that explain the power spectra of its patches best, each with its mirror image."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
+from scipy.signal import argrelmin
 
 from rsvideo.physics.trajectory import Trajectory, fit, still
 from rsvideo.restoration.extent import beyond, longest
@@ -26,6 +27,8 @@ SETTLED, SETTLING_STEPS = 4, 25  # and the best of those that differ settled fur
 APART = 0.7  # px, RMS over the interval, by which two paths differ
 TYPICAL = 12.0  # px, the length that the belief about a hand's path is scaled with
 STIFFNESS = 3e-3  # of that belief, beside the misfit
+TURNED, TIE = 2, 0.03  # of the best paths, and moments of each, that are tried turned round; by how much its misfit may be higher
+END = 2  # of the moments, near the ends of the interval, at which none is
 SCALE = 100.0  # what L-BFGS is handed the misfit times, since its first step is as long as the gradient
 TIMES = 33  # at which paths are compared
 
@@ -100,6 +103,7 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
         levels.reverse()
     times, belief = np.linspace(*scene.camera.timing.interval, TIMES), levels[0].belief
     paths = [each.trajectory for each in levels[0].paths]
+    paths += _turned(belief, levels[0].paths, times)
     for each in (also for level in levels[1:] for also in level.paths[:ALSO]):
         if _new(each.trajectory, paths, times):
             paths.append(each.trajectory)
@@ -119,6 +123,34 @@ def _level(scene: Scene, settings: Settings) -> _Level | None:
     found = _distinct([settled(belief, each.trajectory, START_STEPS) for each in starts], scene)
     best = [settled(belief, each.trajectory, SETTLING_STEPS) for each in found[:SETTLED]]
     return _Level(belief=belief, paths=_distinct(best, scene))
+
+
+def _turned(belief: SpectralBelief, paths: Sequence[SpectralPath], times: Float[np.ndarray, " n"]) -> list[Trajectory]:
+    """Further minima, near the best of these paths turned round half way, whose misfit is hardly higher.
+
+    Where a motion is slowest, spectra hardly tell whether it runs on from there or back: the blur of every scanline is as long.
+    """
+    found: list[Trajectory] = []
+    known = [each.trajectory for each in paths]
+    scene = belief.spectrum.scene
+    for path in known[:TURNED]:
+        for turned in turns(path, times):
+            each = settled(belief, turned, SETTLING_STEPS)
+            alike = each.misfit > paths[0].misfit + TIE or beyond(scene.camera, scene.scaled(each.trajectory))
+            if not alike and _new(each.trajectory, known + found, times):
+                found.append(each.trajectory)
+    return found
+
+
+def turns(path: Trajectory, times: Float[np.ndarray, " n"]) -> Iterator[Trajectory]:
+    """The path run backwards from each moment at which it is slowest, slowest first."""
+    place = path.at(times)
+    speed = np.linalg.norm(np.gradient(place, times, axis=0)[:, :2], axis=1)
+    inner = speed[END:-END]
+    slow = argrelmin(inner, mode="clip")[0]
+    for k in END + slow[np.argsort(inner[slow])][:TURNED]:
+        turned = np.where(np.arange(len(times))[:, None] < k, place, 2 * place[k] - place)
+        yield path.with_coefficients(fit(path, times, turned).coefficients)
 
 
 def settled(belief: SpectralBelief, path: Trajectory, steps: int) -> SpectralPath:

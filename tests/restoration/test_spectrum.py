@@ -9,10 +9,10 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
-from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, path_error
+from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, fit, path_error
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.spectral_paths import mirrored, spectral_paths
+from rsvideo.restoration.spectral_paths import mirrored, spectral_paths, turns
 from rsvideo.restoration.spectrum import LINES, SAMPLES, SIDE, Spectrum, patches
 from rsvideo.restoration.verdict import across
 
@@ -129,3 +129,15 @@ def test_a_frame_without_texture_or_smaller_than_a_patch_has_no_spectra(scene: S
     assert spectral_paths(flat, Settings()) is None
     small = replace(scene, frame=scene.frame[: SIDE - 1], valid=scene.valid[: SIDE - 1])
     assert patches(small) is None
+
+
+def test_a_path_that_slows_down_may_turn_back_there() -> None:
+    s = np.linspace(-1, 1, len(TIMES))
+    slowing = fit(moved((0, 0, 0)), TIMES, np.stack([9 * s**3, -4 * s**3, 0 * s], axis=1))
+    (turned,) = turns(slowing, TIMES)
+    back = np.stack([-9 * abs(s) ** 3, 4 * abs(s) ** 3], axis=1)
+    assert path_error(turned.at(TIMES)[:, :2], back) < 0.3
+
+
+def test_a_motion_that_gathers_speed_turns_nowhere() -> None:
+    assert list(turns(moved((7, -3, 0), (0.7, -0.3, 0)), TIMES)) == []
