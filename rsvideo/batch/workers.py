@@ -2,7 +2,6 @@
 
 import contextlib
 import errno
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -18,9 +17,8 @@ from rsvideo.config.sidecar import Mark
 from rsvideo.pipeline import deblur, processes
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished
 from rsvideo.pipeline.prepare import Task, prepare
-from rsvideo.progress import Observer, Progress
+from rsvideo.progress import Observer, Progress, seldom
 
-_EVERY = 0.1  # seconds between two reports on one frame
 _LONGEST_WAIT = 1.0  # seconds for a report; then others may be listened to
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # no other clip would fare better
 
@@ -192,7 +190,7 @@ def _serve(orders: Connection) -> None:
             try:
                 if task is None or request != order.request:
                     request, task = order.request, prepare(order.request)
-                answer = _carried_out(order, task, _seldom(orders.send))
+                answer = _carried_out(order, task, seldom(orders.send))
             except Exception as error:
                 answer = failed(error)
             orders.send(answer)
@@ -221,20 +219,6 @@ def _patient(order: Restore, observe: Observer) -> Observer:
         observe(progress)
 
     return waiting
-
-
-def _seldom(send: Observer) -> Observer:
-    """Passes on what concerns another frame than before, and else a few times a second."""
-    last = (None, -_EVERY)
-
-    def observe(progress: Progress) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if progress.frame != last[0] or now - last[1] >= _EVERY:
-            last = progress.frame, now
-            send(progress)
-
-    return observe
 
 
 def failed(error: Exception) -> Failed:

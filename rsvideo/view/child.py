@@ -12,10 +12,9 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from rsvideo.pipeline import processes
-from rsvideo.progress import Observer, Progress
+from rsvideo.progress import Observer, Progress, seldom
 
 GRACE = 1.5  # seconds in which a process may end an order by itself that is not wanted any more
-_EVERY = 0.15  # seconds between two reports
 _LOOK = 0.05  # seconds between two glances at what is wanted
 _WORDS = 2000  # characters of an error's sentence at most
 
@@ -126,7 +125,7 @@ def _serve(orders: Connection, work: Work) -> None:
         if order is None:  # it came when all was done
             continue
         try:
-            for answer in work(order, _seldom(orders, check)):
+            for answer in work(order, _checking(orders, check)):
                 check()
                 orders.send(("answer", answer))
             orders.send(("done", None))
@@ -140,14 +139,12 @@ def _serve(orders: Connection, work: Work) -> None:
             orders.send(("failed", words if own else f"failed while working: {type(error).__name__}: {words}"))
 
 
-def _seldom(orders: Connection, check: Callable[[], None]) -> Observer:
-    last = 0.0
+def _checking(orders: Connection, check: Callable[[], None]) -> Observer:
+    """Sends reports now and then, and looks at each whether the work is still wanted."""
+    send = seldom(lambda progress: orders.send(("answer", progress)))
 
     def observe(progress: Progress) -> None:
-        nonlocal last
         check()
-        if time.monotonic() - last >= _EVERY:
-            last = time.monotonic()
-            orders.send(("answer", progress))
+        send(progress)
 
     return observe
