@@ -21,7 +21,7 @@ from rsvideo.restoration.sparsity import density
 from rsvideo.restoration.spectrum import Spectrum
 
 POWER = 0.3  # of a gradient, relative to those about it
-MIRROR_RIDGES, FOCUS_RIDGE = (0.3, 1.0), 3.0  # times the scene's own
+MIRROR_RIDGES, FOCUS_RIDGE = (0.3, 1.0), 3.0  # times the scene's own; of 0.3, 1 and 3, those that speak most for true paths
 BLOCK = 48  # px: about the window in which gradients are compared, so that blocks are nearly independent
 LEAST_WEIGHT = 0.05  # of the best block's, which a block must have to count
 STRETCH = 3.0  # px by which the longest of a path's blurs is shorter and longer beside it

@@ -27,7 +27,8 @@ SETTLED, SETTLING_STEPS = 4, 25  # and the best of those that differ settled fur
 APART = 0.7  # px, RMS over the interval, by which two paths differ
 TYPICAL = 12.0  # px, the length that the belief about a hand's path is scaled with
 STIFFNESS = 3e-3  # of that belief, beside the misfit
-TURNED, TIE = 2, 0.03  # of the best paths, and moments of each, that are tried turned round; by how much its misfit may be higher
+TURNED = 2  # of the best paths, and moments of each, that are tried turned round
+TIE = 0.03  # by which the misfit of a path so found may be higher than the least: origin: by trial
 END = 2  # of the moments, near the ends of the interval, at which none is
 SCALE = 100.0  # what L-BFGS is handed the misfit times, since its first step is as long as the gradient
 TIMES = 33  # at which paths are compared
@@ -126,7 +127,7 @@ def _level(scene: Scene, settings: Settings) -> _Level | None:
 
 
 def _turned(belief: SpectralBelief, paths: Sequence[SpectralPath], times: Float[np.ndarray, " n"]) -> list[Trajectory]:
-    """Further minima, near the best of these paths turned round half way, whose misfit is hardly higher.
+    """Further minima, near the best of these paths turned round where they are slowest, whose misfit is hardly higher.
 
     Where a motion is slowest, spectra hardly tell whether it runs on from there or back: the blur of every scanline is as long.
     """
@@ -136,8 +137,8 @@ def _turned(belief: SpectralBelief, paths: Sequence[SpectralPath], times: Float[
     for path in known[:TURNED]:
         for turned in turns(path, times):
             each = settled(belief, turned, SETTLING_STEPS)
-            alike = each.misfit > paths[0].misfit + TIE or beyond(scene.camera, scene.scaled(each.trajectory))
-            if not alike and _new(each.trajectory, known + found, times):
+            likely = each.misfit < paths[0].misfit + TIE and not beyond(scene.camera, scene.scaled(each.trajectory))
+            if likely and _new(each.trajectory, known + found, times):
                 found.append(each.trajectory)
     return found
 
