@@ -58,16 +58,17 @@ class Server:
 
 @contextlib.contextmanager
 def serving(*folders: Path, state: Path, **environment: object) -> Iterator[Server]:
-    """A server of these folders, gone at the end."""
+    """A server of these folders, ended as Ctrl-C ends it: with all processes of its group."""
     stated = {name: str(value) for name, value in environment.items()}
     line = [sys.executable, str(STAND_IN), "view", *map(str, folders)]
     pipe = subprocess.PIPE
-    with subprocess.Popen(line, stdout=pipe, text=True, env=os.environ | {"XDG_STATE_HOME": str(state)} | stated) as process:
+    env = os.environ | {"XDG_STATE_HOME": str(state)} | stated
+    with subprocess.Popen(line, stdout=pipe, text=True, env=env, start_new_session=True) as process:
         assert process.stdout
         try:
             yield Server(address=process.stdout.readline().strip(), process=process)
         finally:
-            process.send_signal(signal.SIGTERM)
+            os.killpg(process.pid, signal.SIGINT)
             try:
                 process.wait(timeout=20)
             except subprocess.TimeoutExpired:
