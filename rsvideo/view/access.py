@@ -10,6 +10,7 @@ from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from typing import Any
 
 MOST_BYTES = 1_000_000  # of a request that is no upload
+MOST_PASSED_OVER = 8_000_000  # bytes of a body that is refused
 UPLOADS = "/api/upload/"  # below which requests may be longer; whoever takes them counts their bytes
 
 POLICY = "; ".join(
@@ -60,6 +61,7 @@ class Gate:
         if scope["type"] != "http":
             return
         if (fault := self._fault(scope)) is not None:
+            await _pass_over(receive)
             await _refuse(send, *fault)
             return
         scope = {**scope, "path": self._path(scope), "root_path": ""}
@@ -114,6 +116,16 @@ def _with_headers(send: Send) -> Send:
         await send(message)
 
     return sent
+
+
+async def _pass_over(receive: Receive) -> None:
+    """Take a body that nobody wants, up to a bound: a connection that is closed on unread bytes may lose the answer."""
+    left = MOST_PASSED_OVER
+    while left > 0:
+        message = await receive()
+        left -= len(message.get("body", b"")) + 1
+        if not message.get("more_body", False):
+            return
 
 
 async def _refuse(send: Send, number: int, words: str) -> None:

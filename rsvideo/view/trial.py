@@ -35,9 +35,9 @@ from rsvideo.view.glance import Facts
 Size = Literal["half", "full"]
 
 MOST_FRAMES = 12  # of a range that is tried
-AROUND = 2  # frames before and behind, that the motion is found with
+AROUND, FEWER_AROUND = 2, 1  # frames before and behind, that the motion is found with; at half size
 HALVED = 1000  # px of the longer side, from which on a half-size preview comes first
-_FEW_STEPS = 3  # of the refinement by blur, at half size
+_FEW_STEPS = 2  # of the refinement by blur, at half size
 _NOISE = 0.5  # of a pixel that is the mean of four
 _MOST_KEPT = 2  # sets of decoded frames: of half and of full size
 _KEPT: dict[object, list[Frame]] = {}
@@ -162,7 +162,8 @@ def _photograph(shown: Task, task: Task, observe: Observer) -> Iterator[FrameRes
 
 
 def _clip(shown: Task, task: Task, trial: Trial, observe: Observer) -> Iterator[FrameResult]:
-    first, last = max(task.first, trial.first - AROUND), min(task.last, trial.last + 1 + AROUND)
+    around = AROUND if shown is task else FEWER_AROUND
+    first, last = max(task.first, trial.first - around), min(task.last, trial.last + 1 + around)
     frames = _decoded(shown, task, first, last)
     mine = [k for k, frame in enumerate(frames) if trial.first <= frame.index <= trial.last]
     if not mine:

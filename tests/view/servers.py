@@ -41,13 +41,11 @@ class Server:
         token: str | None = None,
     ) -> tuple[int, bytes]:
         """A request as any program on this machine can send it."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)
         given = {"Host": f"127.0.0.1:{self.port}"} | dict(headers or {})
-        connection.request(method, f"/{self.token if token is None else token}/{path}", body=body, headers=given)
-        answer = connection.getresponse()
-        found = answer.status, answer.read()
-        connection.close()
-        return found
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port, timeout=60)) as connection:
+            connection.request(method, f"/{self.token if token is None else token}/{path}", body=body, headers=given)
+            answer = connection.getresponse()
+            return answer.status, answer.read()
 
     def tell(self, path: str, **values: Any) -> dict[str, Any]:
         """What a page's own request is answered, with HTTP's number as `status`."""

@@ -111,7 +111,7 @@ def test_a_job_cannot_be_saved_or_started_elsewhere(server: Server, folder: Path
 
 def test_a_long_request_is_refused(server: Server) -> None:
     headers = {"Content-Type": "application/json"}
-    status, sentence = words(server.ask("api/facts", method="POST", body=b" " * 1_500_000, headers=headers))
+    status, sentence = words(server.ask("api/facts", method="POST", body=b" " * 6_000_000, headers=headers))
     assert (status, "1 MB" in sentence) == (413, True)
 
 
