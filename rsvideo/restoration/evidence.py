@@ -5,7 +5,7 @@ A latent image's gradients are sparser along the true path than along its mirror
 frame, and counts by how far the blocks agree, in standard errors of their mean.
 
 Gradients are measured by a power of |grad l| / rms_local(grad l), which hardly feels how strong an edge is and mostly shows more than f
-itself does. To which side kernels lean shows best in latent images of a weak ridge, whose noise differs: two of them are asked.
+itself does. To which side kernels lean shows best in latent images of a weak ridge, whose noise differs: two of them serve.
 """
 
 from dataclasses import dataclass

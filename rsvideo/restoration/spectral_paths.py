@@ -132,13 +132,13 @@ def _turned(belief: SpectralBelief, paths: Sequence[SpectralPath], times: Float[
     Where a motion is slowest, spectra hardly tell whether it runs on from there or back: the blur of every scanline is as long.
     """
     found: list[Trajectory] = []
-    known = [each.trajectory for each in paths]
+    minima = [each.trajectory for each in paths]
     scene = belief.spectrum.scene
-    for path in known[:TURNED]:
+    for path in minima[:TURNED]:
         for turned in turns(path, times):
             each = settled(belief, turned, SETTLING_STEPS)
             likely = each.misfit < paths[0].misfit + TIE and not beyond(scene.camera, scene.scaled(each.trajectory))
-            if likely and _new(each.trajectory, known + found, times):
+            if likely and _new(each.trajectory, minima + found, times):
                 found.append(each.trajectory)
     return found
 

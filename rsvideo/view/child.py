@@ -140,7 +140,7 @@ def _serve(orders: Connection, work: Work) -> None:
 
 
 def _checking(orders: Connection, check: Callable[[], None]) -> Observer:
-    """Sends reports now and then, and looks at each whether the work is still wanted."""
+    """Sends reports now and then, and checks at each whether the work is still wanted."""
     send = seldom(lambda progress: orders.send(("answer", progress)))
 
     def observe(progress: Progress) -> None:
