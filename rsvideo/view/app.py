@@ -55,7 +55,7 @@ class Room:
 class Plain(JSONResponse):
     """Values for a page, in whose words nothing acts: control characters and turns of the writing direction are written out.
 
-    What names a file, under the key `at` or one that ends with it, stays as it is.
+    What names a file, under the key `at` or one that ends in `_at`, stays as it is.
     """
 
     def render(self, content: Any) -> bytes:
@@ -66,7 +66,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, str):
         return printable(value, keep="\n")
     if isinstance(value, dict):
-        return {key: each if key.endswith("at") else _plain(each) for key, each in value.items()}
+        return {key: each if key == "at" or key.endswith("_at") else _plain(each) for key, each in value.items()}
     return [_plain(each) for each in value] if isinstance(value, list) else value
 
 

@@ -16,9 +16,8 @@ from typing import Any
 from rsvideo.config.files import made_within
 from rsvideo.config.media import CLIP_SUFFIXES
 from rsvideo.config.placing import aside, check_free, place
-from rsvideo.config.printable import printable
 from rsvideo.view.errands import Errand, Errands
-from rsvideo.view.opened import PHOTOGRAPHS
+from rsvideo.view.opened import PHOTOGRAPHS, is_plain
 
 MOST_SESSIONS = 4
 MOST_FILES = 120  # of a session
@@ -26,7 +25,6 @@ MOST_BYTES = 300_000_000  # of a file
 MOST_IN_ALL = 2_000_000_000  # bytes of a session
 SECONDS = 1200.0  # that a measurement may take
 _DRAWN = 60.0  # seconds that drawing may take
-_NAME = re.compile(r"[^\x00-\x1f/\\:*?\"<>|.][^\x00-\x1f/\\:*?\"<>|]{0,120}")
 _BOARD = re.compile(r"[A-Za-z0-9_.:]{1,80}")
 _HERTZ = re.compile(r"[0-9.]{1,10} ?k?Hz", re.IGNORECASE)
 _PAPERS = ("A4", "A3", "A2", "A1", "A0", "letter")
@@ -101,7 +99,7 @@ class Bench:
 
     async def take(self, session: Session, name: str, pieces: AsyncIterator[bytes]) -> None:
         """A file that was dropped in, piece by piece; ValueError where it may not be."""
-        if printable(name) != name or not _NAME.fullmatch(name) or not name.lower().endswith((*PHOTOGRAPHS, *CLIP_SUFFIXES)):
+        if not is_plain(name) or not name.lower().endswith((*PHOTOGRAPHS, *CLIP_SUFFIXES)):
             raise ValueError(f"{name[:80]!r} is no photograph or clip by its name; drop pictures of the board, or a clip")
         held = session.listed()
         if len(held) >= MOST_FILES:
@@ -167,7 +165,7 @@ class Bench:
     def save(self, session: Session, folder: Path, name: str, *, overwrite: bool) -> Path:
         """Put the profile into a folder that was opened; ValueError, FileExistsError or OSError."""
         stem = name.removesuffix(".yaml").strip()
-        if printable(stem) != stem or not _NAME.fullmatch(stem):
+        if not is_plain(stem):
             raise ValueError(f"a profile's name must be a plain file name such as my_phone_1080p30, got {name[:80]!r}")
         if not session.profile.is_file():
             raise ValueError("nothing is measured yet; measure the lens or the readout first")

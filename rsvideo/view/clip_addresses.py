@@ -100,8 +100,7 @@ def _add_lists(here: APIRouter, room: Room) -> None:
         wanted = _sections(room, path, wish.settings)
         room.desk.warm()
         found = room.glancing.one(Facts(path=path, sections=wanted), seconds=glance.SECONDS)
-        place = {"name": path.name, "folder": room.opened.at(path.parent)}
-        return place | {"facts": found, "fields": fields.listed(path), "most_frames": MOST_FRAMES}
+        return {"name": path.name, "facts": found, "fields": fields.listed(path), "most_frames": MOST_FRAMES}
 
 
 def _add_trials(here: APIRouter, room: Room) -> None:

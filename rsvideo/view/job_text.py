@@ -14,9 +14,9 @@ from rsvideo.config.placing import aside, check_free, place
 from rsvideo.config.printable import printable
 from rsvideo.config.request import option_fields
 from rsvideo.view.fields import Stated
+from rsvideo.view.opened import is_plain
 
 _WIDTH = 110
-_NAME = re.compile(r"[^\x00-\x1f/\\:*?\"<>|.][^\x00-\x1f/\\:*?\"<>|]{0,120}")
 _PLAIN = re.compile(r"[A-Za-z0-9][\w./+-]*")  # what YAML and our own reader take for text, or for the number that it is
 
 
@@ -66,7 +66,7 @@ def _scalar(value: Any) -> str:
 def save(folder: Path, name: str, content: str, *, overwrite: bool) -> Path:
     """Write the file as `NAME.yaml` if `rsvideo run` takes it; ValueError, FileExistsError, UnreadableError or OSError."""
     stem = name.removesuffix(".yaml").removesuffix(".yml").strip()
-    if not _NAME.fullmatch(stem):
+    if not is_plain(stem):
         raise ValueError(f"a job's name must be a plain file name such as my_clip, got {printable(name)[:80]!r}")
     path = folder / f"{stem}.yaml"
     if path.is_symlink() or path.is_dir():

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -11,6 +12,7 @@ from typing import Literal
 from rsvideo.config import media
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.placing import real
+from rsvideo.config.printable import printable
 
 MOST_LISTED = 5000  # names of a folder
 DEEPEST = 3  # folders within each other in which jobs and reports are looked for
@@ -18,6 +20,7 @@ MOST_SEARCHED = 20_000  # names that are passed in that search
 PHOTOGRAPHS = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef", ".srw")
 JOBS = (".yaml", ".yml")
 SIDECAR = ".rsvideo.json"
+_PLAIN = re.compile(r"[^\x00-\x1f/\\:*?\"<>|.][^\x00-\x1f/\\:*?\"<>|]{0,120}")
 
 Kind = Literal["folder", "clip", "photograph", "sequence", "job", "report"]
 
@@ -146,6 +149,11 @@ def _kind_of_file(path: Path) -> Kind | None:
     if suffix in PHOTOGRAPHS:
         return "photograph"
     return "job" if suffix in JOBS else None
+
+
+def is_plain(name: str) -> bool:
+    """Whether a file may get this name from a page: no system and no reader takes it for anything else."""
+    return printable(name) == name and _PLAIN.fullmatch(name) is not None
 
 
 def _is_text(name: str) -> bool:
