@@ -1,4 +1,4 @@
-"""What all tests share: shapes and types checked at every call, and the folder of external cases."""
+"""What all tests share: shapes and types that are checked, and the folder of external cases."""
 
 import os
 from collections.abc import Iterator
@@ -15,13 +15,21 @@ if TYPE_CHECKING:
 # as the command has it: threads of two tests at a time would spin and starve each other; numpy reads these once, when it is imported
 os.environ |= {name: os.environ.get(name, "1") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 
-from jaxtyping import install_import_hook
+# the commands that tests start find the project's modules compiled, whatever the machine's habit: to compile them takes each 0.3 s
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
-# an int is a float here, as PEP 484 has it; compiled kernels carry @no_type_check
-install_import_hook(["rsvideo", "calibration"], "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
+from tests import checked
+
+checked.install()
 
 CHROMIUM = Path("/usr/bin/chromium")
 CHECKOUT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture(autouse=True)
+def every_function_is_checked_again() -> None:
+    """Of every test the first calls."""
+    checked.begin()
 
 
 @pytest.fixture(scope="session")
