@@ -24,24 +24,33 @@ _LANES = 16  # frequencies side by side, as in solvers.banded
 @loop()
 def _symbol(first, last, dx, share, lowest, weights, period, re, im):
     """A_f(i, base_i + o) in (blocks, rows, width, lanes), real and imaginary."""
-    count, samples = len(re), dx.shape[1]
+    count, samples, n_taps = len(re), dx.shape[1], weights.shape[2]
+    zr = np.empty(_LANES, np.float32)
+    zi = np.empty(_LANES, np.float32)
+    xr = np.empty(_LANES, np.float32)
+    xi = np.empty(_LANES, np.float32)
     for i in range(first, last):
-        zr = np.empty(_LANES, np.float32)
-        zi = np.empty(_LANES, np.float32)
         for k in range(samples):
             angle = 2 * np.pi * dx[i, k] / period
+            er, ei = np.cos(angle), np.sin(angle)
+            wr, wi = share[i, k], 0.0  # share * exp(i angle f), from one frequency to the next
             for b in range(_LANES):
-                zr[b] = np.cos(angle * b) * share[i, k]
-                zi[b] = np.sin(angle * b) * share[i, k]
+                zr[b], zi[b] = wr, wi
+                wr, wi = wr * er - wi * ei, wr * ei + wi * er
+            er, ei = np.cos(angle * _LANES), np.sin(angle * _LANES)
+            wr, wi = 1.0, 0.0  # and from one block of them to the next
             for c in range(count):
-                sr = np.float32(np.cos(angle * c * _LANES))
-                si = np.float32(np.sin(angle * c * _LANES))
-                for t in range(weights.shape[2]):
-                    o = lowest[i, k] + t
+                sr, si = np.float32(wr), np.float32(wi)
+                for b in range(_LANES):
+                    xr[b] = zr[b] * sr - zi[b] * si
+                    xi[b] = zr[b] * si + zi[b] * sr
+                for t in range(n_taps):
                     w = weights[i, k, t]
+                    to_re, to_im = re[c, i, lowest[i, k] + t], im[c, i, lowest[i, k] + t]
                     for b in range(_LANES):
-                        re[c, i, o, b] += w * (zr[b] * sr - zi[b] * si)
-                        im[c, i, o, b] += w * (zr[b] * si + zi[b] * sr)
+                        to_re[b] += w * xr[b]
+                        to_im[b] += w * xi[b]
+                wr, wi = wr * er - wi * ei, wr * ei + wi * er
 
 
 @no_type_check

@@ -74,30 +74,36 @@ def sparsity(latent: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "
 @no_type_check
 @loop()
 def _sensitivity(first, last, m, mx, latent, lx, top, left, offsets, residual, km, out):
-    """<dK m, r> - <K m, dK l> for a unit displacement of each path sample, by linear interpolation."""
+    """<dK m, r> - <K m, dK l> for a unit displacement of each path sample, by linear interpolation.
+
+    Path samples lie close together: the products at whole displacements serve all samples about them.
+    """
     cols, samples = residual.shape[1], offsets.shape[1]
     for i in range(first, last):
+        lowest, leftmost = int(np.floor(offsets[i, :, 1].min())), int(np.floor(offsets[i, :, 0].min()))
+        high, wide = int(offsets[i, :, 1].max()) - lowest + 2, int(offsets[i, :, 0].max()) - leftmost + 2
+        summed = np.zeros((high, wide), np.bool_)
+        plain = np.empty((high, wide), np.float32)  # <m, r> - <K m, l> of the scanline at a whole displacement
+        slope = np.empty((high, wide), np.float32)  # and with the derivatives of m and l along rows
         for k in range(samples):
             fx, fy = np.floor(offsets[i, k, 0]), np.floor(offsets[i, k, 1])
             ax, ay = np.float32(offsets[i, k, 0] - fx), np.float32(offsets[i, k, 1] - fy)
             bx, by = 1 - ax, 1 - ay
-            y = i + top + int(fy)
-            x = left + int(fx)
-            m0, m1 = m[y, x : x + cols + 1], m[y + 1, x : x + cols + 1]
-            l0, l1 = latent[y, x : x + cols + 1], latent[y + 1, x : x + cols + 1]
-            mx0, mx1 = mx[y, x : x + cols + 1], mx[y + 1, x : x + cols + 1]
-            lx0, lx1 = lx[y, x : x + cols + 1], lx[y + 1, x : x + cols + 1]
-            sx = np.float32(0)
-            sy = np.float32(0)
-            for j in range(cols):
-                dm = by * (bx * mx0[j] + ax * mx0[j + 1]) + ay * (bx * mx1[j] + ax * mx1[j + 1])
-                dl = by * (bx * lx0[j] + ax * lx0[j + 1]) + ay * (bx * lx1[j] + ax * lx1[j + 1])
-                sx += dm * residual[i, j] - dl * km[i, j]
-                dm = bx * (m1[j] - m0[j]) + ax * (m1[j + 1] - m0[j + 1])
-                dl = bx * (l1[j] - l0[j]) + ax * (l1[j + 1] - l0[j + 1])
-                sy += dm * residual[i, j] - dl * km[i, j]
-            out[i, k, 0] = sx / samples
-            out[i, k, 1] = sy / samples
+            v, u = int(fy) - lowest, int(fx) - leftmost
+            for y in range(v, v + 2):
+                for x in range(u, u + 2):
+                    if not summed[y, x]:
+                        row, columns = i + top + lowest + y, slice(left + leftmost + x, left + leftmost + x + cols)
+                        mi, mxi, li, lxi = m[row, columns], mx[row, columns], latent[row, columns], lx[row, columns]
+                        p = np.float32(0)
+                        s = np.float32(0)
+                        for j in range(cols):
+                            p += mi[j] * residual[i, j] - li[j] * km[i, j]
+                            s += mxi[j] * residual[i, j] - lxi[j] * km[i, j]
+                        summed[y, x], plain[y, x], slope[y, x] = True, p, s
+            above, below = bx * slope[v, u] + ax * slope[v, u + 1], bx * slope[v + 1, u] + ax * slope[v + 1, u + 1]
+            out[i, k, 0] = (by * above + ay * below) / samples
+            out[i, k, 1] = (bx * (plain[v + 1, u] - plain[v, u]) + ax * (plain[v + 1, u + 1] - plain[v, u + 1])) / samples
 
 
 def _derivative_along_rows(op: RowFourier, spectrum: Complex[np.ndarray, "n frequencies"]) -> Float[np.ndarray, "n period"]:

@@ -140,7 +140,7 @@ class Spectrum:
         ey, ex = _waves(q[..., 1], _DOWN), _waves(q[..., 0], _ACROSS)
         k = np.matmul(ey.swapaxes(-1, -2), ex) / SAMPLES
         dark = (np.abs(k) ** 2).reshape(-1, len(LINES), *k.shape[1:]).mean(axis=1) + LEAK
-        value, by_power = _whittle(self.patches, dark.astype(float))
+        value, by_power = _whittle(self.patches, dark)
         if not slope:
             return value, np.zeros_like(coefficients)
         shared = np.repeat(by_power, len(LINES), axis=0) * k.conj() * (2 / SAMPLES / len(LINES))
@@ -164,7 +164,7 @@ def _along(
 ) -> Float[np.ndarray, "lines samples"]:
     """The derivative in each path sample's place along the axis of `own`, given that in conj(k)."""
     inner = np.matmul(shared, other.swapaxes(-1, -2))
-    return np.real((1j * frequencies[:, None] * own.swapaxes(-1, -2) * inner).sum(axis=-2))
+    return -frequencies.astype(np.float32) @ (own.swapaxes(-1, -2) * inner).imag
 
 
 def _features() -> tuple[Float[np.ndarray, "features counted"], Float[np.ndarray, "n half"]]:
@@ -174,7 +174,7 @@ def _features() -> tuple[Float[np.ndarray, "features counted"], Float[np.ndarray
     periods = _MAGNITUDE / _ACROSS[1]
     times = ((periods > LOWEST) & (periods < HIGHEST / _ACROSS[1])) * np.where(_ACROSS == 0, 1.0, 2.0)
     features = np.array([np.ones_like(fall), fall, np.cos(2 * angle), np.sin(2 * angle), np.cos(4 * angle)])
-    return features[:, times > 0], times
+    return features[:, times > 0].astype(np.float32), times.astype(np.float32)
 
 
 _PHI, _TIMES = _features()
@@ -187,24 +187,33 @@ _STIFFNESS = np.array([0.0, FALL_SPREAD**-2, DIRECTED**-2, DIRECTED**-2, DIRECTE
 
 def _whittle(observed: Patches, dark: Float[np.ndarray, "parts n half"]) -> tuple[float, Float[np.ndarray, "parts n half"]]:
     """The misfit for |k|^2 = `dark`, the betas at their best, and its derivative in `dark`."""
-    total, power, noise, counted = _COUNT.sum(), observed.power[:, _COUNTED], observed.noise[:, None], dark[:, _COUNTED]
+    total, counted = float(_COUNT.sum()), dark[:, _COUNTED]
+    power, noise = observed.power[:, _COUNTED].astype(np.float32), observed.noise[:, None].astype(np.float32)
     beta = np.tile(_MEAN, (len(power), 1))
-    flat = np.exp(beta @ _PHI) * counted
+
+    def signals() -> Float[np.ndarray, "parts counted"]:
+        return np.exp(beta.astype(np.float32) @ _PHI) * counted
+
+    flat = signals()
     beta[:, 0] = np.log(np.maximum(np.maximum(power - noise, 0) / flat @ _COUNT / total, 1e-12))
     belief = 2 * BELIEF * total * _STIFFNESS
     for _ in range(STEPS):
-        signal = np.exp(beta @ _PHI) * counted
+        signal = signals()
         ratio, excess = signal / (signal + noise), power / (signal + noise)
         slope = (_COUNT * (excess - 1) * ratio) @ _PHI.T - belief * (beta - _MEAN)
-        bend = np.maximum(ratio * (1 - ratio - excess * (1 - 2 * ratio)), LEAST_CURVATURE * ratio**2)
+        bend = np.maximum(ratio * (1 - ratio - excess * (1 - 2 * ratio)), np.float32(LEAST_CURVATURE) * ratio**2)
         curvature = ((_COUNT * bend) @ _PAIRS).reshape(-1, len(_PHI), len(_PHI)) + np.diag(belief)
         step = np.clip(np.linalg.solve(curvature, slope[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
         beta += step
         if np.abs(step).max() < SHORTEST_STEP:
             break
-    signal = np.exp(beta @ _PHI) * counted
+    signal = signals()
     model = signal + noise
-    misfit = (np.log(model) + power / model) @ _COUNT / total + BELIEF * (_STIFFNESS * (beta - _MEAN) ** 2).sum(axis=1)
+    misfit = (_COUNT * (np.log(model) + power / model)).sum(axis=1, dtype=float) / total + BELIEF * (_STIFFNESS * (beta - _MEAN) ** 2).sum(
+        axis=1
+    )
     by_dark = np.zeros_like(dark)
-    by_dark[:, _COUNTED] = _COUNT * (1 / model - power / model**2) * (signal / counted) / total * observed.weight[:, None]
+    by_dark[:, _COUNTED] = (
+        _COUNT * (1 / model - power / model**2) * (signal / counted) / total * observed.weight[:, None].astype(np.float32)
+    )
     return float(observed.weight @ misfit), by_dark
