@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
+from rsvideo import threads
 from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction
@@ -130,11 +131,13 @@ def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, 
     def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
         coefficients = at(z)
         value, gradient = 0.0, np.zeros(shape)
-        for scene, m in zip(scenes, local, strict=True):
-            inside = m @ coefficients
+
+        def sharpness(k: int) -> tuple[float, np.ndarray]:
+            inside = local[k] @ coefficients
             inside[0] = 0  # a gauge
-            theta = polynomial(scene.camera.timing, shape[1]).with_coefficients(inside)
-            sharp, slope = focus(scene, theta)
+            return focus(scenes[k], polynomial(scenes[k].camera.timing, shape[1]).with_coefficients(inside))
+
+        for m, (sharp, slope) in zip(local, threads.each(sharpness, range(len(scenes))), strict=True):
             slope[0] = 0
             value -= sharp
             gradient -= m.T @ slope
@@ -159,7 +162,8 @@ def _focuses(run: Run, path: CameraPath) -> list[float]:
     """The focus of each frame that is blurred enough to have one, along a path that was found without blur."""
     timing = run.camera.timing
     cuts = [(scene, within(path.spline, float(t), timing)) for scene, t in zip(run.scenes, run.begins, strict=True)]
-    return [focus_value(reduced(scene, length), cut) for scene, cut in cuts if (length := longest(run.camera, cut)) > SHORT]
+    wanted = [(reduced(scene, length), cut) for scene, cut in cuts if (length := longest(run.camera, cut)) > SHORT]
+    return threads.each(lambda each: focus_value(*each), wanted)
 
 
 def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory, centred
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.scene import Scene
@@ -57,15 +58,17 @@ def compared(scene: Scene, path: Trajectory) -> tuple[float, float]:
     scene, path = sampled(scene, path), centred(path, scene.camera.timing.middle)
     factor = 1 + STRETCH / max(longest(scene.camera, path), SHORTEST)
 
-    def sparse(times: float, ridge: float) -> tuple[np.ndarray, np.ndarray]:
+    def sparse(measured: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        times, ridge = measured
         return density(scene, path.with_coefficients(times * path.coefficients), ridge * scene.ridge, POWER)
 
-    mirror = []
-    for ridge in MIRROR_RIDGES:
-        own, weight = sparse(1.0, ridge)
-        mirror.append(certainty(sparse(-1.0, ridge)[0] - own, weight))
-    own, weight = sparse(1.0, FOCUS_RIDGE)
-    beside = (sparse(factor, FOCUS_RIDGE)[0] + sparse(1 / factor, FOCUS_RIDGE)[0]) / 2
+    wanted = [(times, ridge) for ridge in MIRROR_RIDGES for times in (1.0, -1.0)] + [
+        (times, FOCUS_RIDGE) for times in (1.0, factor, 1 / factor)
+    ]
+    densities = dict(zip(wanted, threads.each(sparse, wanted), strict=True))
+    mirror = [certainty(densities[-1.0, ridge][0] - densities[1.0, ridge][0], densities[1.0, ridge][1]) for ridge in MIRROR_RIDGES]
+    own, weight = densities[1.0, FOCUS_RIDGE]
+    beside = (densities[factor, FOCUS_RIDGE][0] + densities[1 / factor, FOCUS_RIDGE][0]) / 2
     return float(np.mean(mirror)), certainty(beside - own, weight)
 
 

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration import sparsity
 from rsvideo.restoration.scene import Scene
@@ -23,9 +24,12 @@ _TERMS = ((1.0, -1.0), (1 / SCALE, 0.5), (SCALE, 0.5))  # factors of the path, a
 
 def focus(scene: Scene, path: Trajectory) -> tuple[float, Float[np.ndarray, "terms axes"]]:
     """s(theta) and its derivative in the path's coefficients. The path is 0 at rest: `path` has no constant part."""
+
+    def term(factor: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
+        return sparsity.objective(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
+
     value, gradient = 0.0, np.zeros_like(path.coefficients)
-    for factor, weight in _TERMS:
-        f, slope = sparsity.objective(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
+    for (factor, weight), (f, slope) in zip(_TERMS, threads.each(term, [factor for factor, _ in _TERMS]), strict=True):
         value += weight * f
         gradient += weight * factor * slope
     return value, gradient

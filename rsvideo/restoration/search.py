@@ -3,7 +3,11 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
+import numpy as np
+
+from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.restoration import kernel_search
 from rsvideo.restoration.estimate import ESTIMATED, Estimate
@@ -43,11 +47,12 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
     for i, (steps, wide, most) in enumerate(HEATS):
         yield Estimate(stage="candidate paths", fraction=FOUND + HEAT * i, trajectory=running[0].trajectory)
         where = part if wide else coarse if i == 0 else trial
-        running = sorted((r.ahead(where, belief, steps) for r in running), key=lambda r: r.value)
+        running = sorted(threads.each(partial(_Runner.ahead, scene=where, belief=belief, steps=steps), running), key=lambda r: r.value)
         running = [r for r in running if not beyond(scene.camera, r.trajectory)][:most] or running[:1]
     belief = replace(belief, weight=LAST_SPECTRA)
     scenes = ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS))
-    path = max((runner.trajectory for runner in running), key=lambda path: sum(compared(part, path)))
+    speaks = threads.each(lambda runner: sum(compared(part, runner.trajectory)), running)
+    path = running[int(np.argmax(speaks))].trajectory
     yield _focused(path, scenes, belief, part)
 
 

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 from scipy.signal import argrelmin
 
+from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory, fit, still
 from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.hand_shake import pose_unit, shake_spread
@@ -118,11 +119,11 @@ def _level(scene: Scene, settings: Settings) -> _Level | None:
         return None
     curve = still(scene.camera.timing.interval, degree=settings.degree, axes=settings.axes)
     belief = SpectralBelief(spectrum=Spectrum(scene=scene, patches=observed, curve=curve))
-    tried = [sorted(_even(belief, curve, length), key=lambda each: each.misfit) for length in LENGTHS]
+    tried = threads.each(lambda length: sorted(_even(belief, curve, length), key=lambda each: each.misfit), LENGTHS)
     starts = [each for some in tried for each in some[:OF_A_LENGTH]]
     starts += sorted((each for some in tried for each in some[OF_A_LENGTH:]), key=lambda each: each.misfit)[:OF_ALL]
-    found = _distinct([settled(belief, each.trajectory, START_STEPS) for each in starts], scene)
-    best = [settled(belief, each.trajectory, SETTLING_STEPS) for each in found[:SETTLED]]
+    found = _distinct(threads.each(lambda each: settled(belief, each.trajectory, START_STEPS), starts), scene)
+    best = threads.each(lambda each: settled(belief, each.trajectory, SETTLING_STEPS), found[:SETTLED])
     return _Level(belief=belief, paths=_distinct(best, scene))
 
 
@@ -134,12 +135,11 @@ def _turned(belief: SpectralBelief, paths: Sequence[SpectralPath], times: Float[
     found: list[Trajectory] = []
     minima = [each.trajectory for each in paths]
     scene = belief.spectrum.scene
-    for path in minima[:TURNED]:
-        for turned in turns(path, times):
-            each = settled(belief, turned, SETTLING_STEPS)
-            likely = each.misfit < paths[0].misfit + TIE and not beyond(scene.camera, scene.scaled(each.trajectory))
-            if likely and _new(each.trajectory, minima + found, times):
-                found.append(each.trajectory)
+    starts = [turned for path in minima[:TURNED] for turned in turns(path, times)]
+    for each in threads.each(lambda turned: settled(belief, turned, SETTLING_STEPS), starts):
+        likely = each.misfit < paths[0].misfit + TIE and not beyond(scene.camera, scene.scaled(each.trajectory))
+        if likely and _new(each.trajectory, minima + found, times):
+            found.append(each.trajectory)
     return found
 
 
