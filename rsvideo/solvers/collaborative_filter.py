@@ -13,6 +13,7 @@ strips are added in order: threads never meet, and the result does not depend on
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import no_type_check
 
 import numpy as np
@@ -24,7 +25,9 @@ from rsvideo.threads import loop, spread
 PATCH = 8  # rows and columns of a patch; the transforms below are written out for it
 GROUP = 16  # patches of a group, a power of two; fewer where the image has not so many
 STRIDE = 4  # px between the reference patches
+COLOUR_STRIDE = 2  # times STRIDE between those of a colour difference, which varies slowly; origin: by trial
 REACH = 15  # px from a reference patch to the farthest candidate
+CLOSE = 4  # px, beyond which candidates lie on every other row and column only; origin: by trial
 THRESHOLD = 2.7  # standard deviations below which a coefficient is held to be noise
 
 _AREA = PATCH * PATCH  # a group is flat: group[patch * _AREA + row * PATCH + column]
@@ -51,6 +54,13 @@ class Matches:
 
 
 @no_type_check
+@njit(cache=True)
+def _sought(dy, dx):
+    """Whether a patch so far away is a candidate: all near ones are, and every other row and column beyond them."""
+    return max(abs(dy), abs(dx)) <= CLOSE or (dy % 2 == 0 and dx % 2 == 0)
+
+
+@no_type_check
 @loop()
 def _search(first, last, guide, ys, xs, offsets):
     """The nearest patches of each reference patch, ties in raster order; offsets is zero on entry."""
@@ -65,7 +75,7 @@ def _search(first, last, guide, ys, xs, offsets):
             z = y + dy
             for dx in range(-REACH, REACH + 1):
                 left, right = max(0, -dx), min(cols, cols - dx)
-                if right - left < PATCH or (dy == 0 and dx == 0):
+                if right - left < PATCH or (dy == 0 and dx == 0) or not _sought(dy, dx):
                     continue
                 a0, a1, a2, a3 = guide[y, left:right], guide[y + 1, left:right], guide[y + 2, left:right], guide[y + 3, left:right]
                 a4, a5, a6, a7 = guide[y + 4, left:right], guide[y + 5, left:right], guide[y + 6, left:right], guide[y + 7, left:right]
@@ -262,7 +272,11 @@ def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, end
             done[:] = 0
             weight[:] = 0
             for iy in range(s * _STRIP, min(len(ys), (s + 1) * _STRIP)):
+                if c and iy % COLOUR_STRIDE and iy != len(ys) - 1:
+                    continue
                 for ix in range(len(xs)):
+                    if c and ix % COLOUR_STRIDE and ix != len(xs) - 1:
+                        continue
                     y, x, to = ys[iy] - tops[s], xs[ix], offsets[iy, ix]
                     _gather(table, to, y, x, count, g)
                     _rows(g, count)
@@ -306,8 +320,8 @@ def match(guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
     luminance = _planes(guide)[0]
     rows, cols = luminance.shape
     ys, xs = _places(rows), _places(cols)
-    candidates = min(rows - PATCH, REACH) + 1, min(cols - PATCH, REACH) + 1  # in a corner, where there are fewest
-    count = min(GROUP, 1 << (candidates[0] * candidates[1]).bit_length() - 1)
+    corner = product(range(min(rows - PATCH, REACH) + 1), range(min(cols - PATCH, REACH) + 1))  # where candidates are fewest
+    count = min(GROUP, 1 << sum(_sought(dy, dx) for dy, dx in corner).bit_length() - 1)
     offsets = np.zeros((len(ys), len(xs), count, 2), np.int8)
     spread(_search, len(ys), luminance, ys, xs, offsets)
     return Matches(shape=(rows, cols), offsets=offsets)

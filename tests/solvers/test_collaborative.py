@@ -5,7 +5,7 @@ from jaxtyping import TypeCheckError
 from skimage.restoration import denoise_tv_chambolle
 
 from rsvideo import threads
-from rsvideo.solvers.collaborative_filter import GROUP, PATCH, REACH, STRIDE, THRESHOLD, denoise, match
+from rsvideo.solvers.collaborative_filter import CLOSE, COLOUR_STRIDE, GROUP, PATCH, REACH, STRIDE, THRESHOLD, denoise, match
 
 
 def noisy(clean: np.ndarray, sigma: float) -> np.ndarray:
@@ -33,16 +33,20 @@ def written_out(image: np.ndarray, sigma: float, pilot: np.ndarray | None) -> np
     while len(haar) < GROUP:
         haar = np.sqrt(0.5) * np.block([[haar, haar], [np.eye(len(haar)), -np.eye(len(haar))]])
     total, share = np.zeros(planes.shape), np.zeros(planes.shape)
-    for y in sorted({*range(0, rows - PATCH + 1, STRIDE), rows - PATCH}):
-        for x in sorted({*range(0, cols - PATCH + 1, STRIDE), cols - PATCH}):
+    ys, xs = (sorted({*range(0, length - PATCH + 1, STRIDE), length - PATCH}) for length in (rows, cols))
+    coarse = [{*places[::COLOUR_STRIDE], places[-1]} for places in (ys, xs)]
+    for y in ys:
+        for x in xs:
             own = guides[0, y : y + PATCH, x : x + PATCH]
             likes = []
             for v in range(max(0, y - REACH), min(rows - PATCH, y + REACH) + 1):
                 for u in range(max(0, x - REACH), min(cols - PATCH, x + REACH) + 1):
+                    if max(abs(v - y), abs(u - x)) > CLOSE and ((v - y) % 2 or (u - x) % 2):
+                        continue
                     distance = np.sum((guides[0, v : v + PATCH, u : u + PATCH] - own) ** 2)
                     likes.append((distance if (v, u) != (y, x) else -1.0, v, u))
             likes = sorted(likes)[:GROUP]
-            for c in range(3):
+            for c in range(3) if y in coarse[0] and x in coarse[1] else range(1):
 
                 def spectrum(plane: np.ndarray, likes: list = likes) -> np.ndarray:
                     stack = np.array([plane[v : v + PATCH, u : u + PATCH] for _, v, u in likes])
