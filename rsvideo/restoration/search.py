@@ -8,18 +8,20 @@ from functools import partial
 import numpy as np
 
 from rsvideo import threads
-from rsvideo.physics.trajectory import Trajectory, still
+from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.restoration import kernel_search
 from rsvideo.restoration.estimate import ESTIMATED, Estimate
 from rsvideo.restoration.evidence import compared, evidence
 from rsvideo.restoration.extent import beyond, longest, sampled
+from rsvideo.restoration.focus import focus_value
 from rsvideo.restoration.refinement import focused, refine
 from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
 
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
-HEATS = ((3, False, 6), (5, False, 4), (5, True, 4))  # steps, on all columns?, how many paths go on; origin: by trial
+HEATS = ((3, False, 6), (5, False, 4), (5, True, 6))  # steps, on all columns?, how many paths go on; origin: by trial
+SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, and spectra may mislead; about the true path only is a dip
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
 LAST_SPECTRA = 0.1  # weight of the spectra's misfit beside the focus
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
@@ -48,7 +50,8 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         yield Estimate(stage="candidate paths", fraction=FOUND + HEAT * i, trajectory=running[0].trajectory)
         where = part if wide else coarse if i == 0 else trial
         running = sorted(threads.each(partial(_Runner.ahead, scene=where, belief=belief, steps=steps), running), key=lambda r: r.value)
-        running = [r for r in running if not beyond(scene.camera, r.trajectory)][:most] or running[:1]
+        inside = [r for r in running if not beyond(scene.camera, r.trajectory)] or running[:1]
+        running = _going_on(inside, where, most)
     belief = replace(belief, weight=LAST_SPECTRA)
     scenes = ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS))
     speaks = threads.each(lambda runner: sum(compared(part, runner.trajectory)), running)
@@ -79,3 +82,16 @@ class _Runner:
     def ahead(self, scene: Scene, belief: SpectralBelief, steps: int) -> "_Runner":
         refined = refine(sampled(scene, self.trajectory), self.trajectory, belief, ridge=scene.search_ridge, steps=steps)
         return replace(self, trajectory=refined.trajectory, value=refined.value)
+
+
+def _going_on(running: list[_Runner], scene: Scene, most: int) -> list[_Runner]:
+    """The first of them, which are sorted by their value, and those in best focus."""
+    if len(running) <= most:
+        return running
+
+    def sharpness(runner: _Runner) -> float:
+        path = centred(runner.trajectory, scene.camera.timing.middle)
+        return focus_value(sampled(scene, path), path)
+
+    sharpest = [running[k] for k in np.argsort(threads.each(sharpness, running))[::-1][:SHARPEST]]
+    return running[:most] + [runner for runner in sharpest if runner not in running[:most]]
