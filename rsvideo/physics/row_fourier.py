@@ -7,7 +7,7 @@ A PSF without a path is the same sum with a weight of its own for each sample in
 Su & Heidrich (Sec. 5.3) hold Fourier methods to be ruled out; for the paper's 2-D model they are exact.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import no_type_check
 
 import numpy as np
@@ -181,6 +181,43 @@ def _parts(x: np.ndarray) -> np.ndarray:
     return x.view(np.float32).reshape(*x.shape, 2)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Extent:
+    """How much of the latent image scanlines see that sample it at given offsets: of one frame, or of tiles that share one grid."""
+
+    top: int  # latent rows above the frame
+    latent_rows: int
+    left: int  # latent columns left of the frame
+    period: int  # latent columns
+    width: int  # latent rows that one scanline sees, at most
+    base: Int[np.ndarray, "*tiles rows"]  # the first of them
+    first: Int[np.ndarray, "*tiles rows samples"]  # the first that each sample reads, from `base` on
+    across: Float[np.ndarray, "*tiles rows samples taps"]  # the interpolation weights of those it reads
+
+    def part(self, first: int, last: int) -> "Extent":
+        """Of the tiles [first, last), on the grid that all share."""
+        some = slice(first, last)
+        return replace(self, base=self.base[some], first=self.first[some], across=self.across[some])
+
+
+def extent(displacement: Float[np.ndarray, "*tiles rows samples 2"], cols: int, margin: int = 2) -> Extent:
+    """The extent of frames of `cols` columns whose scanline i samples the latent image at offsets `displacement[..., i, k, :]`."""
+    rows = displacement.shape[-3]
+    dx, dy = displacement[..., 0], displacement[..., 1]
+    index, across = taps(dy)  # rows i + index .. i + index + TAPS - 1
+    lowest = np.arange(rows) + index.min(axis=-1)
+    width = int((index.max(axis=-1) - index.min(axis=-1)).max()) + TAPS
+    top = int(max(0, -lowest.min())) + margin
+    left = int(max(0.0, np.ceil(-dx.min()))) + margin
+    right = int(max(0.0, np.ceil(dx.max()))) + margin
+    period = scipy.fft.next_fast_len(cols + left + right, real=True)
+    period += period % 2  # pyright: ignore[reportOperatorIssue]  # scipy's stub says it may be None
+    base = (lowest + top).astype(np.int64)
+    latent_rows = max(int(base.max()) + width, rows + top) + margin
+    first = (index - index.min(axis=-1, keepdims=True)).astype(np.int64)
+    return Extent(top=top, latent_rows=latent_rows, left=left, period=period, width=width, base=base, first=first, across=across)
+
+
 def row_fourier(
     displacement: Float[np.ndarray, "rows samples 2"],
     cols: int,
@@ -192,22 +229,21 @@ def row_fourier(
 
     `weights` are the parts of the scanline's light that the samples send, all the same by default; they sum to 1 a scanline.
     """
-    rows = len(displacement)
-    dx, dy = displacement[..., 0], displacement[..., 1]
+    rows, dx = len(displacement), displacement[..., 0]
     share = np.full(dx.shape, 1 / dx.shape[1]) if weights is None else weights
-    index, across = taps(dy)  # rows i + index .. i + index + TAPS - 1
-    lowest = np.arange(rows) + index.min(axis=1)
-    width = int((index.max(axis=1) - index.min(axis=1)).max()) + TAPS
-    top = int(max(0, -lowest.min())) + margin
-    left = int(max(0.0, np.ceil(-dx.min()))) + margin
-    right = int(max(0.0, np.ceil(dx.max()))) + margin
-    period = scipy.fft.next_fast_len(cols + left + right, real=True)
-    period += period % 2  # pyright: ignore[reportOperatorIssue]  # scipy's stub says it may be None
-    base = (lowest + top).astype(np.int64)
-    count = -(-(period // 2 + 1) // _LANES)
-    first = (index - index.min(axis=1, keepdims=True)).astype(np.int64)
+    reach = extent(displacement, cols, margin)
+    count = -(-(reach.period // 2 + 1) // _LANES)
     dx, share = (np.ascontiguousarray(each, dtype=float) for each in (dx, share))  # in one order, or each is compiled for
-    re, im = (np.zeros((count, rows, width, _LANES), np.float32) for _ in range(2))
-    spread(_symbol, rows, dx, share, first, across.astype(np.float32), float(period), re, im)
-    latent_rows = max(int(base.max()) + width, rows + top) + margin
-    return RowFourier(rows=rows, cols=cols, top=top, latent_rows=latent_rows, left=left, period=period, base=base, re=re, im=im)
+    re, im = (np.zeros((count, rows, reach.width, _LANES), np.float32) for _ in range(2))
+    spread(_symbol, rows, dx, share, reach.first, reach.across.astype(np.float32), float(reach.period), re, im)
+    return RowFourier(
+        rows=rows,
+        cols=cols,
+        top=reach.top,
+        latent_rows=reach.latent_rows,
+        left=reach.left,
+        period=reach.period,
+        base=reach.base,
+        re=re,
+        im=im,
+    )

@@ -35,6 +35,12 @@ class Tile:
         """The column whose path stands for the tile."""
         return 0.5 * (self.start + self.stop - 1)
 
+    def weight(self, overlap: int) -> Float[np.ndarray, " cols"]:
+        """Of each column the tile reads, where its picture is blended with its neighbours' over `overlap` columns beyond its own."""
+        columns = np.arange(self.first, self.last)
+        depth = np.minimum(columns - self.start, self.stop - 1 - columns) + overlap + 1  # 1 at the outermost shared column
+        return np.clip(depth / (2 * overlap), 0, 1).astype(np.float32)
+
 
 def split(cols: int, count: int, overlap: int) -> list[Tile]:
     """`count` tiles of equal width that see `overlap` columns beyond their own on either side."""

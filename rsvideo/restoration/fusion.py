@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from numpy.polynomial import legendre
 
 from rsvideo.physics.camera import Intrinsics, resampled_at
-from rsvideo.restoration.nonblind import TiledFrame
+from rsvideo.restoration.blurred_frame import BlurredFrame
 
 RIDGE = 0.6  # rho; origin: by trial
 FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out; origin: by trial
@@ -50,7 +50,7 @@ class PosedImage:
 
 
 def fused(
-    frame: TiledFrame, first: PosedImage, others: Sequence[PosedImage], intrinsics: Intrinsics, noise: float
+    frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], intrinsics: Intrinsics, noise: float
 ) -> Float[np.ndarray, "rows cols channels"]:
     """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'."""
     sharpest = sorted((o for o in others if o.weight > FAINTEST * first.weight), key=lambda o: -o.weight)[:MOST]

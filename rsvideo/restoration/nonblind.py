@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,9 +19,10 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.row_fourier import RowFourier, row_fourier
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.parallax import Flow, displacement
 from rsvideo.solvers.banded import BandedHermitian
-from rsvideo.solvers.collaborative_filter import denoise, match
+from rsvideo.solvers.collaborative_filter import Matches, denoise, match
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.total_variation import LatentUpdate
 from rsvideo.solvers.total_variation import total_variation as admm
@@ -160,6 +161,46 @@ class TiledFrame:
         ]
         return _blended(self.cut, self.systems, latents)
 
+    def total_variation(self, mu: float, *, steps: int) -> list[list[np.ndarray]]:
+        """The latent image of each tile, of each channel, under total variation."""
+        return [[total_variation(s, mu, steps=steps) for s in channels] for channels in self.systems]
+
+    def nearest(
+        self, latents: list[list[np.ndarray]], target: Float[np.ndarray, "rows cols channels"], ridge: float
+    ) -> list[list[np.ndarray]]:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
+        return [
+            [_towards(s, latent, target[:, tile.first : tile.last, c], ridge) for c, (s, latent) in enumerate(zip(ss, ls, strict=True))]
+            for tile, ss, ls in zip(self.cut, self.systems, latents, strict=True)
+        ]
+
+    def blended(self, latents: list[list[np.ndarray]]) -> Float[np.ndarray, "rows cols channels"]:
+        """The tiles' latent images joined over their overlaps by linear weights."""
+        return _blended(self.cut, self.systems, latents)
+
+    def unexplained(self, latents: list[list[np.ndarray]]) -> float:
+        """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
+        return unexplained(self, latents)
+
+    def match(self, guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
+        """Which patches of a picture look like which."""
+        return match(guide)
+
+    def denoise(
+        self,
+        image: Float[np.ndarray, "rows cols channels"],
+        sigma: float,
+        *,
+        pilot: Float[np.ndarray, "rows cols channels"] | None = None,
+        matches: Matches | None = None,
+    ) -> Float[np.ndarray, "rows cols channels"]:
+        """A picture without noise of standard deviation `sigma`."""
+        return denoise(image, sigma, pilot=pilot, matches=matches)
+
+    def to_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
+        """The same: it lies there."""
+        return image
+
 
 def _extended(system: TileSystem, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows period"]:
     """The image continued from its borders over all that the tile solves for."""
@@ -179,10 +220,15 @@ def tiled(
     flow: Flow | None = None,
 ) -> TiledFrame:
     """The frame with its blur along `trajectory`, and the `flow` beyond it; tolerance is the largest error in px at a tile's edge."""
-    lens, timing = camera.intrinsics, camera.timing
-    count = max(tiles.tiles_needed(trajectory, lens, timing, tolerance), flow.tiles_needed(camera, tolerance) if flow else 1)
-    cut = tiles.split(lens.cols, count, OVERLAP)
+    cut = cut_for(trajectory, camera, tolerance, flow)
     return tiled_from(cut, lambda tile: (displacement(tile, trajectory, flow, camera, samples), None), pixels, clipped)
+
+
+def cut_for(trajectory: Trajectory, camera: Camera, tolerance: float, flow: Flow | None = None, least: int = 1) -> list[Tile]:
+    """The tiles, `least` or more, at whose edges a blur's error is `tolerance` px at most."""
+    lens, timing = camera.intrinsics, camera.timing
+    count = max(tiles.tiles_needed(trajectory, lens, timing, tolerance), flow.tiles_needed(camera, tolerance) if flow else 1, least)
+    return tiles.split(lens.cols, count, OVERLAP)
 
 
 def tiled_from(
@@ -202,37 +248,30 @@ def tiled_from(
     return TiledFrame(cut=cut, systems=systems)
 
 
-def deblur(
-    frame: TiledFrame, *, prior: Literal["denoiser", "tv", "draft"], mu: float, noise: float
-) -> Iterator[Float[np.ndarray, "rows cols channels"]]:
+def deblur(frame: BlurredFrame, *, prior: Literal["denoiser", "tv", "draft"], mu: float, noise: float) -> Iterator[Any]:
     """The latent image after each splitting step (one step for total variation), at the pose where the trajectory is 0.
 
-    A draft is what the denoiser would start from.
+    A draft is what the denoiser would start from. The image is the frame's kind of picture; `frame.to_host` makes an array of it.
 
     mu weighs total variation (alone, or as the start of the denoiser's splitting); noise is its standard deviation in linear light,
     and counts for more where the blur's model leaves more unexplained, as with pictures that were compressed.
     """
-    cut, systems = frame.cut, frame.systems
-    latents = [[total_variation(s, mu, steps=TV_STEPS if prior == "tv" else TV_FIRST_STEPS) for s in channels] for channels in systems]
-    image = _blended(cut, systems, latents)
+    latents = frame.total_variation(mu, steps=TV_STEPS if prior == "tv" else TV_FIRST_STEPS)
+    image = frame.blended(latents)
     yield image
     if prior != "denoiser":
         return
-    noise = math.sqrt(noise**2 + UNEXPLAINED * max(unexplained(frame, latents) - EXPLAINED * noise**2, 0))
+    noise = math.sqrt(noise**2 + UNEXPLAINED * max(frame.unexplained(latents) - EXPLAINED * noise**2, 0))
     pilot = matches = None
     for step, sigma in enumerate(np.geomspace(max(COARSEST, COARSEST_NOISE * noise), FINEST_NOISE * noise, SPLITTINGS)):
         root = np.sqrt(np.maximum(image, 0) + LIFT)
         strength = float(sigma / (2 * np.median(root)))
-        pilot = denoise(root, strength) if pilot is None else pilot
-        matches = match(pilot) if step % MATCHED == 0 else matches
-        pilot = denoise(root, strength, pilot=pilot, matches=matches)
+        pilot = frame.denoise(root, strength) if pilot is None else pilot
+        matches = frame.match(pilot) if step % MATCHED == 0 else matches
+        pilot = frame.denoise(root, strength, pilot=pilot, matches=matches)
         smooth = (pilot * pilot - LIFT).astype(np.float32)
-        ridge = float(noise**2 / sigma**2)
-        latents = [
-            [_towards(s, latent, smooth[:, tile.first : tile.last, c], ridge) for c, (s, latent) in enumerate(zip(ss, ls, strict=True))]
-            for tile, ss, ls in zip(cut, systems, latents, strict=True)
-        ]
-        image = _blended(cut, systems, latents)
+        latents = frame.nearest(latents, smooth, float(noise**2 / sigma**2))
+        image = frame.blended(latents)
         yield 0.5 * (image + smooth)
 
 
@@ -273,9 +312,7 @@ def _blended(
     rows, cols, channels = systems[0][0].op.rows, cut[-1].last, len(systems[0])
     image, total = np.zeros((rows, cols, channels), np.float32), np.zeros(cols, np.float32)
     for tile, ss, ls in zip(cut, systems, latents, strict=True):
-        columns = np.arange(tile.first, tile.last)
-        depth = np.minimum(columns - tile.start, tile.stop - 1 - columns) + OVERLAP + 1  # 1 at the outermost shared column
-        weight = np.clip(depth / (2 * OVERLAP), 0, 1).astype(np.float32)
+        weight = tile.weight(OVERLAP)
         total[tile.first : tile.last] += weight
         for c, (s, latent) in enumerate(zip(ss, ls, strict=True)):
             image[:, tile.first : tile.last, c] += weight * s.crop(latent)

@@ -34,9 +34,9 @@ _AREA = PATCH * PATCH  # a group is flat: group[patch * _AREA + row * PATCH + co
 _STRIP = 12  # rows of reference patches that share one strip
 _HALF = np.float32(np.sqrt(0.5))
 _C1, _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(0.5 * np.cos(k * np.pi / 16)) for k in range(1, 8))
-_DCT = np.float32(0.5) * np.cos(np.pi * np.arange(8)[:, None] * (2 * np.arange(8)[None] + 1) / 16).astype(np.float32)
-_DCT[0] *= np.float32(np.sqrt(0.5))
-_OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]], np.float32) / np.sqrt(np.array([[3], [2], [6]], np.float32))
+DCT = np.float32(0.5) * np.cos(np.pi * np.arange(8)[:, None] * (2 * np.arange(8)[None] + 1) / 16).astype(np.float32)
+DCT[0] *= np.float32(np.sqrt(0.5))
+OPPONENT = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]], np.float32) / np.sqrt(np.array([[3], [2], [6]], np.float32))
 _FAR = 3e38  # a distance beyond all others; fast arithmetic has no infinity
 
 
@@ -301,9 +301,15 @@ def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, end
             _back(done, weight, dct, total[s, c], share[s, c])
 
 
-def _places(length: int) -> Int[np.ndarray, " places"]:
+def places(length: int) -> Int[np.ndarray, " places"]:
     """Where reference patches stand along a side: every STRIDE px, and flush with the end."""
     return np.minimum(np.arange(0, length - PATCH + STRIDE, STRIDE), length - PATCH)
+
+
+def groups_hold(rows: int, cols: int) -> int:
+    """How many patches a group of an image has, a power of two: in a corner there are fewest candidates."""
+    corner = product(range(min(rows - PATCH, REACH) + 1), range(min(cols - PATCH, REACH) + 1))
+    return min(GROUP, 1 << sum(_sought(dy, dx) for dy, dx in corner).bit_length() - 1)
 
 
 def _planes(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "channels rows cols"]:
@@ -312,17 +318,15 @@ def _planes(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray,
     if rows < PATCH or cols < PATCH or channels not in (1, 3):
         raise ValueError(f"the image must be at least {PATCH} x {PATCH} px in 1 or 3 channels, got {rows} x {cols} px in {channels}")
     mixed = image.astype(np.float32)
-    return np.ascontiguousarray(np.moveaxis(mixed @ _OPPONENT.T if channels == 3 else mixed, 2, 0))
+    return np.ascontiguousarray(np.moveaxis(mixed @ OPPONENT.T if channels == 3 else mixed, 2, 0))
 
 
 def match(guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
     """The groups of an image, found on its luminance."""
     luminance = _planes(guide)[0]
     rows, cols = luminance.shape
-    ys, xs = _places(rows), _places(cols)
-    corner = product(range(min(rows - PATCH, REACH) + 1), range(min(cols - PATCH, REACH) + 1))  # where candidates are fewest
-    count = min(GROUP, 1 << sum(_sought(dy, dx) for dy, dx in corner).bit_length() - 1)
-    offsets = np.zeros((len(ys), len(xs), count, 2), np.int8)
+    ys, xs = places(rows), places(cols)
+    offsets = np.zeros((len(ys), len(xs), groups_hold(rows, cols), 2), np.int8)
     spread(_search, len(ys), luminance, ys, xs, offsets)
     return Matches(shape=(rows, cols), offsets=offsets)
 
@@ -348,7 +352,7 @@ def denoise(
     if matches.shape != (rows, cols):
         raise ValueError(f"the matches must be of an image as large, {rows} x {cols} px; they are of one of {matches.shape} px")
     planes = _planes(image)
-    ys, xs = _places(rows), _places(cols)
+    ys, xs = places(rows), places(cols)
     first = np.arange(0, len(ys), _STRIP)
     last = np.minimum(first + _STRIP, len(ys)) - 1
     tops, ends = np.maximum(ys[first] - REACH, 0), np.minimum(ys[last] + REACH + PATCH, rows)
@@ -356,10 +360,10 @@ def denoise(
     share = np.zeros_like(total)
     guess = planes if pilot is None else _planes(pilot)
     how = (np.float32(sigma), pilot is not None)
-    spread(_filter, len(tops), planes, guess, matches.offsets, ys, xs, *how, tops, ends, _DCT, total, share)
+    spread(_filter, len(tops), planes, guess, matches.offsets, ys, xs, *how, tops, ends, DCT, total, share)
     top_sum, weight_sum = np.zeros_like(planes), np.zeros_like(planes)
     for s, (top, end) in enumerate(zip(tops, ends, strict=True)):
         top_sum[:, top:end] += total[s, :, : end - top]
         weight_sum[:, top:end] += share[s, :, : end - top]
     clean = np.moveaxis(top_sum / weight_sum, 0, 2)
-    return np.ascontiguousarray(clean @ _OPPONENT if channels == 3 else clean)
+    return np.ascontiguousarray(clean @ OPPONENT if channels == 3 else clean)

@@ -1,0 +1,60 @@
+"""What the restoration asks of a frame and its blur, wherever that is computed."""
+
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+
+@runtime_checkable
+class BlurredFrame(Protocol):
+    """A frame with its blur, on the device where its latent image is computed: here, or on a GPU (`rsvideo.gpu.frame`).
+
+    Latent images and pictures stay on that device until `to_host`; what `observed`, `blurred` and `towards` take and give lies in the
+    host's memory.
+    """
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Rows, columns, channels."""
+        ...
+
+    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
+        """The frame b, and 1 where it is data."""
+        ...
+
+    def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+        """K image, what lies beyond it continued from its borders."""
+        ...
+
+    def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2."""
+        ...
+
+    def total_variation(self, mu: float, *, steps: int) -> Any:
+        """The tiles' latent images under total variation."""
+        ...
+
+    def nearest(self, latents: Any, target: Any, ridge: float) -> Any:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
+        ...
+
+    def blended(self, latents: Any) -> Any:
+        """The picture that the tiles' latent images make."""
+        ...
+
+    def unexplained(self, latents: Any) -> float:
+        """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
+        ...
+
+    def match(self, guide: Any) -> Any:
+        """Which patches of a picture look like which."""
+        ...
+
+    def denoise(self, image: Any, sigma: float, *, pilot: Any = None, matches: Any = None) -> Any:
+        """A picture without noise of standard deviation `sigma`."""
+        ...
+
+    def to_host(self, image: Any) -> Float[np.ndarray, "rows cols channels"]:
+        """A picture in the host's memory."""
+        ...
