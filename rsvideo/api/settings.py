@@ -12,8 +12,9 @@ Start = Literal["spectra", "kernels", "tracing"]
 Refinement = Literal["sparsity", "alternation"]
 Prior = Literal["denoiser", "tv"]
 Frames = Literal["together", "alone", "cold"]
+Device = Literal["auto", "cpu", "cuda"]
 
-_CHOICES = {"motion": Motion, "start": Start, "refinement": Refinement, "prior": Prior, "frames": Frames}
+_CHOICES = {"motion": Motion, "start": Start, "refinement": Refinement, "prior": Prior, "frames": Frames, "device": Device}
 _MOTION, _DEBLUR = request.Motion(), request.Deblur()  # their defaults
 
 
@@ -29,6 +30,7 @@ class Settings:
         refinement: How it is refined: with the latent image eliminated ("sparsity"), or by the paper's Algorithm 1 ("alternation").
         prior: What a sharp picture is taken to look like: "denoiser" (collaborative filtering), or the paper's total variation, "tv".
         frames: Of a clip: each restored with its neighbours ("together"), along the clip's path only ("alone"), or as a still ("cold").
+        device: What computes the final image: "cpu", "cuda" (an NVIDIA GPU, by the extra gpu), or one of them ("auto").
 
     Raises:
         ValueError: A value is out of its bounds, or none of the words above.
@@ -48,6 +50,7 @@ class Settings:
     refinement: Refinement = _MOTION.refinement
     prior: Prior = _DEBLUR.prior
     frames: Frames = _DEBLUR.frames
+    device: Device = _DEBLUR.device
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
@@ -60,7 +63,7 @@ class Settings:
 
     def of_deblur(self) -> dict[str, object]:
         """What a request says of the sharp picture."""
-        return {"prior": self.prior, "frames": self.frames}
+        return {"prior": self.prior, "frames": self.frames, "device": self.device}
 
     def core(self) -> RestorationSettings:
         """The same for the room that restores."""

@@ -15,7 +15,7 @@ from rsvideo.config.quantity import frame_rate
 from rsvideo.config.request import Request
 from rsvideo.physics import camera as physics
 from rsvideo.physics.tone import Tone, Transfer
-from rsvideo.pipeline import prepare
+from rsvideo.pipeline import devices, prepare
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.prepare import Task
 from rsvideo.shooting import profiles, timing
@@ -104,11 +104,12 @@ def prepared(stated: Stated, stored: Stored) -> Prepared:
     focal = None if stored.focal_px is None else Fact(value=stored.focal_px, source="EXIF")
     focal_notes = () if focal is None else (f"focal length {focal.value:.0f} px from EXIF's 35 mm equivalent, for an uncropped picture",)
     request = _request(Path(stored.name), replace(stated, motion=Path("given") if stated.moved else None))
+    devices.check(request)
     resolved = timing.resolve(request.camera, sources)
     lens, more = prepare.camera_of(request, sources, facts, focal, focal_notes)
     treatment = Treatment(
         method=Method.RSVIDEO,
-        settings=stated.settings.core(),
+        settings=prepare.settings_of(request),
         block_rows=None,
         gyro=None,
         camera=physics.Camera(timing=resolved.timing, intrinsics=camera.bent(lens.intrinsics), noise=lens.sensor_noise),

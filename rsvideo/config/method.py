@@ -35,6 +35,11 @@ class Method(enum.StrEnum):
         return self.startswith("gyro")
 
     @property
+    def knows_gpu(self) -> bool:
+        """Whether final images can be computed on a GPU."""
+        return self in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE)
+
+    @property
     def needs_lens(self) -> bool:
         """Whether a turn of the camera is more than a shift of the picture."""
         return self not in (Method.NONE, Method.UNIFORM, Method.STITCH, Method.VIDSTAB, Method.VIDSTAB_UNIFORM)

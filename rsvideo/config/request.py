@@ -175,6 +175,9 @@ class Deblur(Section):
         Option(help="Restored with their neighbours, along the clip's path only, or each as a still.", clips_only=True),
     ] = "together"
     prior: Annotated[Literal["denoiser", "tv"], Option(help="What a sharp picture is taken to look like.")] = "denoiser"
+    device: Annotated[
+        Literal["auto", "cpu", "cuda"], Option(help="What computes the final image; auto takes an NVIDIA GPU if the extra gpu finds one.")
+    ] = "auto"
 
 
 class Encoding(Section):

@@ -9,6 +9,7 @@ from typing import Any
 
 from rsvideo.config.files import sha256
 from rsvideo.config.request import Request, option_fields
+from rsvideo.pipeline import devices
 
 WHOLE = 64_000_000  # bytes; of larger files, and in folders, the size, the time of the last change and both ends are taken
 _END = 4_000_000
@@ -26,12 +27,15 @@ def of_source(path: Path) -> str:
 
 
 def of_request(request: Request) -> str:
-    """Of all that steers the work, and of the program; files by what they hold, not by where they are."""
+    """Of all that steers the work, and of the program; files by what they hold, not by where they are; a GPU, however it was chosen."""
     stated = request.model_dump(mode="json", exclude={"source", "output", "overwrite", "origin"})
     for each in option_fields():
         value = request.value(each)
         if each.option.is_file and value is not None and Path(value).is_file():
             stated[each.section][each.name] = sha256(Path(value))
+    del stated["deblur"]["device"]
+    if (device := devices.chosen(request.deblur.device, request.deblur.method)) != "cpu":
+        stated["deblur"]["device"] = device
     return of_values({**stated, "rsvideo": version("rsvideo")})
 
 

@@ -59,10 +59,16 @@ def settings_record(
         direction=task.timing.direction,
         transfer=transfer,
         trajectory_from=None if trajectory is None else str(trajectory),
-        restoration=json.loads(json.dumps(asdict(task.settings))),
+        restoration=_steered(asdict(task.settings)),
         input_sha256=input_sha256,
         encoding=encoding or {},
     )
+
+
+def _steered(settings: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """The core's settings as the sidecar has them; of the device only where it is not the processor."""
+    unsaid = {"device"} if settings["device"] == "cpu" else set[str]()
+    return json.loads(json.dumps({name: value for name, value in settings.items() if name not in unsaid}))
 
 
 def frame_record(result: FrameResult, to_next: np.ndarray | None = None) -> sidecar.FrameRecord:

@@ -13,7 +13,7 @@ from rsvideo.config.request import Camera, Request
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline import gyro_alignment, output, piping, take
+from rsvideo.pipeline import devices, gyro_alignment, output, piping, take
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Take
@@ -120,6 +120,7 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
     `piped` is what a pipe has brought, if that is the source.
     """
     check(request)
+    request = devices.settled(request)
     opened = _opened(request, piped)
     rows, cols = opened.shutter.rows, opened.shutter.cols
     if min(rows, cols) < SMALLEST:
@@ -202,6 +203,7 @@ def check(request: Request) -> None:
         if method.needs_clip:
             raise ValueError(f"method {method} concerns clips, it sees the motion between frames; {taken}")
     output.check(request)
+    devices.check(request)
     if request.motion.states_gyro and not method.follows_gyro:
         raise ValueError(f"a gyroscope's log is read by the methods {Method.GYRO} and {Method.GYRO_REFINE}, not by {method}")
     if method.steadied:
@@ -262,6 +264,7 @@ def settings_of(request: Request) -> Settings:
         refinement=motion.refinement,
         prior=deblur.prior,
         frames=deblur.frames,
+        device=devices.chosen(deblur.device, deblur.method),
     )
 
 

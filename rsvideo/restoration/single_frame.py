@@ -11,11 +11,11 @@ from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import nonblind, scanlines, search
+from rsvideo.restoration import device_frame, nonblind, scanlines, search
+from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.correction import ApproximatePath, corrected
 from rsvideo.restoration.estimate import ESTIMATED, Estimator
 from rsvideo.restoration.extent import longest
-from rsvideo.restoration.nonblind import TiledFrame
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.scene import gradient_power, scene_of
@@ -90,15 +90,12 @@ def restored(
     found = _found(view, settings, start, estimate, observe) if path is None else _Found(trajectory=path, verdict=Verdict.RESTORED)
     path, latent = centred(found.trajectory, timing.middle), view.pixels
     if found.verdict is Verdict.RESTORED:
-        images = nonblind.deblur(
-            tiled_frame(view, path, settings, flow),
-            prior=settings.prior,
-            mu=settings.final_mu,
-            noise=view.noise if noise is None else noise,
-        )
+        frame = tiled_frame(view, path, settings, flow)
+        images = nonblind.deblur(frame, prior=settings.prior, mu=settings.final_mu, noise=view.noise if noise is None else noise)
         for step, image in enumerate(images):
             latent, done = image, min(step / nonblind.SPLITTINGS, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
+        latent = frame.to_host(latent)
     seconds = time.monotonic() - started
     return Restored(view=view, trajectory=path, latent=latent, verdict=found.verdict, seconds=seconds, convergence=found.values)
 
@@ -121,9 +118,10 @@ def model_noise(view: View, error: float) -> float:
     return float(np.hypot(view.noise, error * np.sqrt(gradient_power(luminance(view.pixels)))))
 
 
-def tiled_frame(view: View, path: Trajectory, settings: Settings, flow: Flow | None = None) -> TiledFrame:
+def tiled_frame(view: View, path: Trajectory, settings: Settings, flow: Flow | None = None) -> BlurredFrame:
     """The frame with its blur along `path`, which is 0 where the latent image is wanted."""
-    return nonblind.tiled(
+    tiled = device_frame.tiled if settings.device == "cuda" else nonblind.tiled
+    return tiled(
         view.pixels,
         view.clipped,
         path,

@@ -33,7 +33,7 @@ _LATER = (
     "rsvideo.view",
     "rsvideo.cli",
 )  # stand-ins replace parts of them before they are imported
-_NEEDS_EXTRA = ("rsvideo.vs",)
+_NEEDS_EXTRA = ("rsvideo.vs", "rsvideo.gpu")
 _WITHIN_FUNCTIONS = (
     "av",
     "matplotlib.figure",

@@ -15,6 +15,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+from rsvideo.gpu import device
 from tests.cli.conftest import STAND_IN, Run
 from tests.cli.forked import INSTALLED
 
@@ -152,6 +153,12 @@ def test_no_command_at_all_is_told_where_to_look(rsvideo: Run) -> None:
 def test_rotation_asks_for_the_focal_length(rsvideo: Run, photograph: Path) -> None:
     done = rsvideo("deblur", photograph, "-o", photograph.with_name("out.png"), "--exposure", "1/50", "--readout", "20ms")
     one_line(done, 2, "focal-px must be given", "35 mm equivalent", "--motion shift")
+
+
+@pytest.mark.skipif(device.unavailable() is None, reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_refused(rsvideo: Run, photograph: Path) -> None:
+    done = rsvideo("deblur", photograph, "-o", photograph.with_name("out.png"), *GOOD, "--device", "cuda")
+    one_line(done, 2, "the device cuda cannot be used: ", "--device cpu does without")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,270 @@
+"""The final image of a frame on the device: all tiles and all channels at once, or as many tiles as its memory holds.
+
+The twin of `rsvideo.restoration.nonblind.TiledFrame`. All tiles share one grid, so a latent image is (tiles, channels, latent rows,
+period); a picture is (channels, rows, cols). Both are float32 on the device, from `total_variation` until `to_host`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rsvideo.gpu import arrays
+from rsvideo.gpu.arrays import Array, OutOfMemory, xp
+from rsvideo.gpu.banded import BandedFactor, BandedHermitian
+from rsvideo.gpu.collaborative_filter import Matches, denoise, match
+from rsvideo.gpu.device import DeviceMemoryError
+from rsvideo.gpu.row_fourier import RowFourier, row_fourier
+from rsvideo.physics.row_fourier import Extent, extent
+from rsvideo.physics.tiles import Tile
+
+_IMAGES = 16  # latent images that a step of ADMM holds at a time, roughly
+_SHARE = 0.8  # of the device's free memory that may be planned with
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weights:
+    """What the restoration has chosen; `rsvideo.restoration.nonblind` says of each what it is."""
+
+    rho: float
+    floor: float
+    overlap: int  # columns
+    rim: int  # rows and columns
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class System:
+    """Some of a frame's tiles: their blur, their normal matrices and what was observed of them."""
+
+    op: RowFourier
+    normal: BandedHermitian  # K^H K
+    widths: tuple[int, ...]  # columns of each tile
+    frame: Array  # (tiles, channels, rows, period); 0 beyond each tile's columns
+    data: Array  # where that was observed
+    least: Array  # what a pixel is at least: as it reads; minus infinity beyond the columns
+
+    @staticmethod
+    def of(offsets: Float[np.ndarray, "tiles rows samples 2"], reach: Extent, frames: Sequence[Array], valid: Sequence[Array]) -> "System":
+        """Of tiles (channels, rows, cols) whose scanlines sample the latent image at `offsets`."""
+        op = row_fourier(offsets, reach)
+        shape = (len(frames), *frames[0].shape[:2], op.period)
+        frame, data, least = xp.zeros(shape, xp.float32), xp.zeros(shape, bool), xp.full(shape, -np.inf, xp.float32)
+        for t, (pixels, observed) in enumerate(zip(frames, valid, strict=True)):
+            columns = slice(op.left, op.left + pixels.shape[2])
+            frame[t, ..., columns] = least[t, ..., columns] = pixels
+            data[t, ..., columns] = observed
+        widths = tuple(pixels.shape[2] for pixels in frames)
+        return System(op=op, normal=BandedHermitian(band=op.gram()), widths=widths, frame=frame, data=data, least=least)
+
+    def completed(self) -> Array:
+        """The frame, its sides joined smoothly."""
+        op, out = self.op, self.frame.copy()
+        for t, width in enumerate(self.widths):
+            ramp = xp.linspace(0, 1, op.period - width + 2, dtype=xp.float32)[1:-1]
+            first, last = out[t, ..., op.left : op.left + 1], out[t, ..., op.left + width - 1 : op.left + width]
+            joined = last * (1 - ramp) + first * ramp
+            right = op.period - op.left - width  # columns of the ramp on the right; the others lie on the left
+            out[t, ..., op.left + width :] = joined[..., :right]
+            out[t, ..., : op.left] = joined[..., right:]
+        return out
+
+    def complete(self, blurred: Array) -> Array:
+        """The frame where it is data, K l elsewhere; a clipped pixel is at least as bright as it reads."""
+        return xp.where(self.data, self.frame, xp.maximum(self.least, blurred))
+
+    def factor(self, rho: float, floor: float) -> BandedFactor:
+        """Of K^H K + rho D^T D + floor I."""
+        return self.normal.factor(xp.asarray((rho * self.op.difference_power + floor).astype(np.float32)), rho)
+
+    def blur(self, latent: Array) -> Array:
+        """K l, image to image."""
+        return self.op.image(self.op.forward(self.op.spectrum(latent)))
+
+    def total_variation(self, mu: float, rho: float, floor: float, steps: int) -> Array:
+        """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by so many steps of ADMM (Algorithm 2), every l-update exact."""
+        op, factor = self.op, self.factor(rho, floor)
+        b = self.completed()
+        latent = xp.zeros((*b.shape[:2], op.latent_rows, op.period), xp.float32)
+        g = u = xp.zeros((2, *latent.shape), xp.float32)  # g = j - u
+        for _ in range(steps):
+            spectrum = factor.solve(op.adjoint(op.spectrum(b)) + op.spectrum(xp.float32(rho) * _adjoint_gradient(g)))
+            latent, b = op.image(spectrum), self.complete(op.image(op.forward(spectrum)))
+            v = _gradient(latent) + u
+            u = xp.clip(v, -mu / rho, mu / rho)  # v - j, for j is v less what the soft threshold takes
+            g = v - 2 * u
+        return latent
+
+    def nearest(self, latent: Array, aim: Array, ridge: float) -> Array:
+        """argmin_l |K l - b|^2 + ridge |l - aim|^2, the frame completed by K latent."""
+        op, factor = self.op, self.factor(0.0, ridge)
+        data = op.spectrum(self.complete(self.blur(latent)))
+        return op.image(factor.solve(op.adjoint(data) + xp.float32(ridge) * op.spectrum(aim)))
+
+
+def _gradient(image: Array) -> Array:
+    """D l: (2, ...), along columns, the first behind the last, and along rows, none beyond the last."""
+    out = xp.zeros((2, *image.shape), xp.float32)
+    xp.subtract(image[..., 1:], image[..., :-1], out=out[0, ..., :-1])
+    xp.subtract(image[..., 0], image[..., -1], out=out[0, ..., -1])
+    xp.subtract(image[..., 1:, :], image[..., :-1, :], out=out[1, ..., :-1, :])
+    return out
+
+
+def _adjoint_gradient(gradient: Array) -> Array:
+    """D^T j."""
+    x, y = gradient
+    out = -x
+    out[..., 1:] += x[..., :-1]
+    out[..., 0] += x[..., -1]
+    out[..., :-1, :] -= y[..., :-1, :]
+    out[..., 1:, :] += y[..., :-1, :]
+    return out
+
+
+class DeviceFrame:
+    """A frame as column tiles that overlap, each with its exact blur."""
+
+    def __init__(
+        self,
+        cut: list[Tile],
+        offsets: Float[np.ndarray, "tiles rows samples 2"],
+        pixels: Float[np.ndarray, "rows cols channels"],
+        clipped: Bool[np.ndarray, "rows cols channels"],
+        weights: Weights,
+    ) -> None:
+        self.cut, self.weights = cut, weights
+        self.offsets, self.reach = offsets, extent(offsets, max(tile.last - tile.first for tile in cut))
+        self._pixels, self._valid = pixels, (~clipped).astype(np.float32)
+        self._planes, self._data = (xp.asarray(np.ascontiguousarray(np.moveaxis(each, 2, 0))) for each in (pixels, ~clipped))
+        self._at_a_time = len(cut)  # tiles; fewer once memory has run out
+        self._kept: System | None = None  # of all tiles, where they are worked on at once
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Rows, columns, channels."""
+        rows, cols, channels = self._pixels.shape
+        return rows, cols, channels
+
+    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
+        """The frame b, and 1 where it is data, both in the host's memory."""
+        return self._pixels, self._valid
+
+    def to_host(self, image: Array) -> Float[np.ndarray, "rows cols channels"]:
+        """A picture in the host's memory."""
+        return np.ascontiguousarray(np.moveaxis(arrays.to_host(image), 0, 2))
+
+    def match(self, guide: Array) -> Matches:
+        """Which patches of a picture look like which."""
+        return match(guide)
+
+    def denoise(self, image: Array, sigma: float, *, pilot: Array | None = None, matches: Matches | None = None) -> Array:
+        """A picture without noise of standard deviation `sigma`."""
+        return denoise(image, sigma, pilot=pilot, matches=matches)
+
+    def total_variation(self, mu: float, *, steps: int) -> Array:
+        """The latent images of all tiles under total variation."""
+        rho, floor = self.weights.rho, self.weights.floor
+        return self._of_all(lambda system, _: system.total_variation(mu, rho, floor, steps))
+
+    def nearest(self, latents: Array, target: Array, ridge: float) -> Array:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
+
+        def solved(system: System, some: slice) -> Array:
+            aim = latents[some].copy()
+            for t, tile in enumerate(self.cut[some]):
+                self._crop(aim[t], tile)[...] = target[..., tile.first : tile.last]
+            return system.nearest(latents[some], aim, ridge)
+
+        return self._of_all(solved)
+
+    def blended(self, latents: Array) -> Array:
+        """The tiles' latent images joined over their overlaps by linear weights."""
+        rows, cols, channels = self.shape
+        image, total = xp.zeros((channels, rows, cols), xp.float32), np.zeros(cols, np.float32)
+        for tile, latent in zip(self.cut, latents, strict=True):
+            weight = tile.weight(self.weights.overlap)
+            total[tile.first : tile.last] += weight
+            image[..., tile.first : tile.last] += xp.asarray(weight) * self._crop(latent, tile)
+        return image / xp.asarray(total)
+
+    def unexplained(self, latents: Array) -> float:
+        """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
+        blurred = self._of_all(lambda system, some: system.blur(latents[some]))
+        total = count = 0.0
+        for tile, b in zip(self.cut, blurred, strict=True):
+            rows, cols = self.shape[0], tile.last - tile.first
+            down, across = min(self.weights.rim, rows // 4), min(self.weights.rim, cols // 4)
+            inner = np.s_[:, down : rows - down, tile.first + across : tile.last - across]
+            data = self._data[inner]
+            model = b[:, down : rows - down, self.reach.left + across : self.reach.left + cols - across]
+            total += float(xp.sum(data * (model - self._planes[inner]) ** 2))
+            count += float(data.sum())
+        return total / max(count, 1.0)
+
+    def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+        """K image of a picture in the host's memory, what lies beyond it continued from its borders."""
+        wide = self._extended(xp.asarray(image)[None])
+        whole = self._of_all(lambda system, some: system.blur(wide[some]))
+        out = np.empty_like(image)
+        for tile, b in zip(self.cut, whole, strict=True):
+            own = slice(self.reach.left + tile.start - tile.first, self.reach.left + tile.stop - tile.first)
+            out[:, tile.start : tile.stop] = arrays.to_host(b[0][:, own])
+        return out
+
+    def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2, for a target in the host's memory."""
+        aim = self._extended(xp.asarray(np.ascontiguousarray(np.moveaxis(target, 2, 0), np.float32)))
+        return self.to_host(self.blended(self._of_all(lambda system, some: system.nearest(aim[some], aim[some], ridge))))
+
+    def _crop(self, latent: Array, tile: Tile) -> Array:
+        """A tile's latent image on the tile's own pixels."""
+        top, left = self.reach.top, self.reach.left
+        return latent[..., top : top + self.shape[0], left : left + tile.last - tile.first]
+
+    def _extended(self, image: Array) -> Array:
+        """Each tile's part of a picture, continued from its borders over all that is solved for."""
+        reach, rows = self.reach, self.shape[0]
+        down = (reach.top, reach.latent_rows - reach.top - rows)
+        return xp.stack(
+            [
+                xp.pad(
+                    image[..., tile.first : tile.last],
+                    ((0, 0), down, (reach.left, reach.period - reach.left - (tile.last - tile.first))),
+                    mode="edge",
+                )
+                for tile in self.cut
+            ]
+        )
+
+    def _of_all(self, work: Callable[[System, slice], Array]) -> Array:
+        """What the work makes of all tiles, as many at a time as memory holds; raises DeviceMemoryError where it does not hold one."""
+        while True:
+            try:
+                groups = [slice(first, first + self._at_a_time) for first in range(0, len(self.cut), self._at_a_time)]
+                parts = [work(self.system(some), some) for some in groups]
+                return parts[0] if len(parts) == 1 else xp.concatenate(parts)
+            except OutOfMemory as error:
+                if self._at_a_time == 1:
+                    raise DeviceMemoryError("the GPU's memory does not hold one tile of the frame") from error
+            self._kept, self._at_a_time = None, self._at_a_time // 2
+            arrays.release()
+
+    def system(self, some: slice) -> System:
+        """Of these tiles; kept where they are all."""
+        if self._kept:
+            return self._kept
+        tiles = self.cut[some]
+        frames, valid = ([whole[..., tile.first : tile.last] for tile in tiles] for whole in (self._planes, self._data))
+        reach = self.reach.part(some.start, some.stop)
+        system = System.of(self.offsets[some], reach, frames, valid)
+        if len(tiles) == len(self.cut):
+            self._kept = system
+        return system
+
+
+def fits(offsets: Float[np.ndarray, "tiles rows samples 2"], cols: int, channels: int) -> bool:
+    """Whether the device's free memory holds one tile of `cols` columns: its symbol, normal matrix and factor, and the images of a step."""
+    reach = extent(offsets, cols)
+    systems = 8 * reach.width * (reach.period // 2 + 1) * (offsets.shape[1] + 2 * reach.latent_rows)
+    return systems + 4 * _IMAGES * channels * reach.latent_rows * reach.period <= _SHARE * arrays.free_bytes()

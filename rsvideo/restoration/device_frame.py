@@ -1,0 +1,41 @@
+"""The door to the GPU: a frame whose latent image is computed there."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.tiles import NARROWEST, Tile
+from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.blurred_frame import BlurredFrame
+from rsvideo.restoration.nonblind import OVERLAP, RIM, TV_FLOOR, TV_RHO, cut_for
+from rsvideo.restoration.parallax import Flow, displacement
+
+
+def tiled(
+    pixels: Float[np.ndarray, "rows cols channels"],
+    clipped: Bool[np.ndarray, "rows cols channels"],
+    trajectory: Trajectory,
+    camera: Camera,
+    *,
+    samples: int,
+    tolerance: float,
+    flow: Flow | None = None,
+) -> BlurredFrame:
+    """The twin of `rsvideo.restoration.nonblind.tiled`, in narrower tiles where the GPU's memory does not hold one of the same width."""
+    from rsvideo.gpu import frame  # needs the extra gpu
+
+    def offsets(cut: list[Tile]) -> Float[np.ndarray, "tiles rows samples 2"]:
+        return np.stack([displacement(tile, trajectory, flow, camera, samples) for tile in cut])
+
+    cut = cut_for(trajectory, camera, tolerance, flow)
+    found, cols = offsets(cut), camera.intrinsics.cols
+    while not frame.fits(found, widest(cut), pixels.shape[2]) and 2 * len(cut) * NARROWEST <= cols:
+        cut = cut_for(trajectory, camera, tolerance, flow, least=2 * len(cut))
+        found = offsets(cut)
+    weights = frame.Weights(rho=TV_RHO, floor=TV_FLOOR, overlap=OVERLAP, rim=RIM)
+    return frame.DeviceFrame(cut, found, pixels, clipped, weights)
+
+
+def widest(cut: list[Tile]) -> int:
+    """Columns that a tile reads at most."""
+    return max(tile.last - tile.first for tile in cut)
