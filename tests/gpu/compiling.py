@@ -1,0 +1,64 @@
+"""Compiles every kernel for real architectures, without a device: python tests/gpu/compiling.py
+
+The types are those with which the project starts them. Prints a line a kernel and architecture: how many operations in double precision
+it has. Exit code 77 where the compiler is not installed; the extra gpu brings it.
+"""
+
+import re
+import sys
+from types import ModuleType, SimpleNamespace
+
+from cuda.pathfinder import DynamicLibNotFoundError, load_nvidia_dynamic_lib
+
+NONE_HERE = 77
+ARCHITECTURES = (7, 5), (9, 0)  # the oldest that CUDA 12 and 13 both know, and Hopper
+
+
+def without_a_device() -> None:
+    """Nothing is run: CuPy is not needed, and the architecture is stated instead of a device's."""
+    sys.modules["cupy"] = ModuleType("cupy")
+    sys.modules["cupy"].cuda = SimpleNamespace(memory=SimpleNamespace(OutOfMemoryError=MemoryError))  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def main() -> int:
+    """Compile all."""
+    for library in ("nvvm", "nvrtc"):
+        try:
+            load_nvidia_dynamic_lib(library)
+        except DynamicLibNotFoundError:
+            print(f"there is no {library}; pip install 'rsvideo[gpu]' brings it")
+            return NONE_HERE
+    without_a_device()
+    from numba import boolean, complex64, cuda, float32, float64, int8, int32, int64, types
+    from numba.cuda import dispatcher
+
+    from rsvideo.gpu import banded, collaborative_filter, row_fourier
+
+    def array(kind: types.Type, sides: int) -> types.Array:
+        return types.Array(kind, sides, "C")
+
+    bands, symbol, spectra = array(complex64, 2), array(complex64, 4), array(complex64, 4)
+    base, readers, offsets, places = array(int32, 2), array(int32, 3), array(int8, 4), array(int32, 1)
+    picture, sums = array(float32, 3), array(int64, 3)
+    kernels = {
+        banded._factor_in_window: (bands, int64, array(float32, 1), float32, bands),
+        banded._factor_in_place: (bands, int64, array(float32, 1), float32, bands),
+        banded._solve: (bands, int64, int64, spectra, spectra),
+        row_fourier._symbol: (array(float64, 3), array(int32, 3), array(float32, 4), float64, symbol),
+        row_fourier._forward: (symbol, base, spectra, spectra),
+        row_fourier._adjoint: (symbol, base, readers, spectra, spectra),
+        row_fourier._gram: (symbol, base, readers, array(complex64, 4)),
+        collaborative_filter._search: (array(float32, 2), places, places, offsets),
+        collaborative_filter._filter: (picture, picture, offsets, places, places, array(float32, 2), float32, boolean, sums, sums),
+    }
+    for architecture in ARCHITECTURES:
+        dispatcher.get_current_device = lambda architecture=architecture: SimpleNamespace(compute_capability=architecture)
+        for kernel, signature in kernels.items():
+            ptx, _ = cuda.compile(kernel.py_func, signature, device=False, cc=architecture, output="ptx", abi="numba")
+            double = len(re.findall(r"\b(?:add|sub|mul|fma|div)\.(?:\w+\.)*f64\b", ptx))
+            print(f"{kernel.py_func.__name__} sm_{architecture[0]}{architecture[1]} {double}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
