@@ -16,6 +16,7 @@ if TYPE_CHECKING or SIMULATED:
 else:
     import cupy as xp
 
+    config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # small pictures are meant
     config.CUDA_ARRAY_INTERFACE_SYNC = 0  # both work on the same stream, in order; else each launch would wait for the one before
 
 Array = Any

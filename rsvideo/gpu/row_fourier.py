@@ -158,12 +158,14 @@ def row_fourier(displacement: Float[np.ndarray, "tiles rows samples 2"], reach: 
 
 
 def _readers(base: np.ndarray, width: int, latent_rows: int) -> np.ndarray:
-    """For each tile and latent row, the scanlines [first, last) among which are all that see it."""
-    tiles, rows = base.shape
-    out = np.zeros((tiles, latent_rows, 2), np.int32)
-    for t in range(tiles):
-        row = np.arange(latent_rows)[:, None] - base[t]  # of every scanline: which of its rows this would be
-        there = (row >= 0) & (row < width)
-        out[t, :, 0] = np.where(there.any(axis=1), there.argmax(axis=1), 0)
-        out[t, :, 1] = np.where(there.any(axis=1), rows - there[:, ::-1].argmax(axis=1), 0)
+    """For each tile and latent row j, scanlines [first, last) among which are all with base_i <= j < base_i + width."""
+    rows = base.shape[1]
+    out = np.zeros((len(base), latent_rows, 2), np.int32)
+    for t, begins in enumerate(base):
+        latest, earliest = np.full(latent_rows, -1), np.full(latent_rows, rows)
+        np.maximum.at(latest, begins, np.arange(rows))
+        np.minimum.at(earliest, begins, np.arange(rows))
+        from_here_on = np.minimum.accumulate(earliest[::-1])[::-1]
+        out[t, :, 0] = from_here_on[np.maximum(np.arange(latent_rows) - width + 1, 0)]
+        out[t, :, 1] = np.maximum.accumulate(latest) + 1
     return out

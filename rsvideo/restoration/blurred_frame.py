@@ -58,3 +58,22 @@ class BlurredFrame(Protocol):
     def to_host(self, image: Any) -> Float[np.ndarray, "rows cols channels"]:
         """A picture in the host's memory."""
         ...
+
+
+@runtime_checkable
+class Eliminated(Protocol):
+    """The latent images of a scene's tiles as functions of its trajectory, on a GPU (`rsvideo.gpu.sparsity`)."""
+
+    frames: list[Any]  # the tiles' blurred frames, (rows, cols)
+
+    def image(self, tile: int) -> Any:
+        """A tile's latent image on its own pixels."""
+        ...
+
+    def slope(self, tile: int) -> Any:
+        """Where the derivative of a measure in that image is to be written."""
+        ...
+
+    def derivative(self) -> Float[np.ndarray, "tiles rows samples 2"]:
+        """Of the measure in every path sample's displacement, once all slopes are written."""
+        ...

@@ -1,4 +1,6 @@
-"""The door to the GPU: a frame whose latent image is computed there."""
+"""The door to the GPU: frames and scenes whose latent images are computed there. What is imported within functions needs the extra gpu."""
+
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -6,7 +8,7 @@ from jaxtyping import Bool, Float
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.tiles import NARROWEST, Tile
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration.blurred_frame import BlurredFrame
+from rsvideo.restoration.blurred_frame import BlurredFrame, Eliminated
 from rsvideo.restoration.nonblind import OVERLAP, RIM, TV_FLOOR, TV_RHO, cut_for
 from rsvideo.restoration.parallax import Flow, displacement
 
@@ -22,7 +24,7 @@ def tiled(
     flow: Flow | None = None,
 ) -> BlurredFrame:
     """The twin of `rsvideo.restoration.nonblind.tiled`, in narrower tiles where the GPU's memory does not hold one of the same width."""
-    from rsvideo.gpu import frame  # needs the extra gpu
+    from rsvideo.gpu import frame
 
     def offsets(cut: list[Tile]) -> Float[np.ndarray, "tiles rows samples 2"]:
         return np.stack([displacement(tile, trajectory, flow, camera, samples) for tile in cut])
@@ -39,3 +41,32 @@ def tiled(
 def widest(cut: list[Tile]) -> int:
     """Columns that a tile reads at most."""
     return max(tile.last - tile.first for tile in cut)
+
+
+def eliminated(
+    offsets: Float[np.ndarray, "tiles rows samples 2"],
+    frames: list[Float[np.ndarray, "rows cols"]],
+    valid: list[Float[np.ndarray, "rows cols"]],
+    *,
+    ridge: float,
+    floor: float,
+    completions: int,
+) -> Eliminated:
+    """The latent images of a scene's tiles, for measures of them and their derivatives."""
+    from rsvideo.gpu import sparsity
+
+    return sparsity.Eliminated(offsets, frames, valid, ridge=ridge, floor=floor, completions=completions)
+
+
+def box(image: Any, window: int) -> Any:
+    """The mean over a window about each pixel of an array that lies on the GPU, 0 beyond the image."""
+    from rsvideo.gpu import sparsity
+
+    return sparsity.box(image, window)
+
+
+def to_host(image: Any) -> np.ndarray:
+    """A copy of such an array in the host's memory."""
+    from rsvideo.gpu import arrays
+
+    return arrays.to_host(image)

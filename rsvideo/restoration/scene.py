@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -46,6 +47,7 @@ class Scene:
     noise: float  # standard deviation
     flow: Flow | None = None  # of points beyond the camera's path, in px of this frame
     scale: float = 1.0  # of the frame; paths stay in px of the frame before it was made smaller
+    device: Literal["cpu", "cuda"] = "cpu"  # what computes latent images of it
 
     def unit(self, axes: int) -> Float[np.ndarray, " axes"]:
         """What a pose is multiplied with in this frame: (x, y) or (x, y, roll)."""
@@ -100,6 +102,7 @@ def scene_of(view: View, settings: Settings, flow: Flow | None = None) -> Scene:
         flow=flow,
         tiles=int(np.clip(round(grey.shape[1] / TILE_COLS), FEWEST_TILES, MOST_TILES)) if grey.shape[1] >= TILED_COLS else 1,
         noise=noise_level(normalised) if view.camera.noise is None else view.noise / view.colour_noise / white,
+        device=settings.device,
     )
 
 
@@ -140,6 +143,7 @@ def halved(scene: Scene) -> Scene:
         noise=noise_level(frame) if scene.camera.noise is None else scene.noise / 2,  # the mean of four independent pixels
         flow=scene.flow and scene.flow.scaled(0.5),
         scale=scene.scale / 2,
+        device=scene.device,
     )
 
 

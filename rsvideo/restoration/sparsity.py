@@ -15,8 +15,9 @@ Its gradient is exact up to interpolation (adjoint method). With M = K^H K + rho
 m = M^-1 f'(l):  df = <m, dK^H r> - <m, K^H dK l> = <dK m, r> - <K m, dK l>.
 """
 
-from collections.abc import Iterator
-from typing import no_type_check
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, no_type_check
 
 import cv2
 import numpy as np
@@ -26,6 +27,8 @@ from rsvideo.physics import tiles
 from rsvideo.physics.row_fourier import RowFourier
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration import device_frame
+from rsvideo.restoration.blurred_frame import Eliminated
 from rsvideo.restoration.nonblind import TileSystem, tile_system
 from rsvideo.restoration.parallax import displacement
 from rsvideo.restoration.scene import Scene
@@ -44,26 +47,28 @@ def _box(image: np.ndarray) -> np.ndarray:
     return cv2.boxFilter(image, -1, (WINDOW, WINDOW), borderType=cv2.BORDER_CONSTANT)
 
 
-def texture_weight(frame: Float[np.ndarray, "rows cols"], typical: float) -> Float[np.ndarray, "r c"]:
-    """The weight w of each pixel: near 1 where the blurred frame has gradients worth measuring."""
+def texture_weight(frame: Float[Any, "rows cols"], typical: float, box: Callable[[Any], Any] = _box) -> Float[Any, "r c"]:
+    """The weight w of each pixel: near 1 where the blurred frame has gradients worth measuring. Arrays of a GPU bring their own `box`."""
     power = np.diff(frame, axis=1)[:-1] ** 2 + np.diff(frame, axis=0)[:, :-1] ** 2
-    local = _box(power) / _box(np.ones_like(power))
+    local = box(power) / box(np.ones_like(power))
     return local / (local + HALF_WEIGHT * typical)
 
 
-def _local_power(power: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _local_power(power: Any, box: Callable[[Any], Any] = _box) -> tuple[Any, Any, Any]:
     """|grad l|, the weight of the window about each pixel, and the mean of |grad l|^2 over it."""
-    area = _box(np.ones_like(power))
-    return np.sqrt(power + FAINT**2), area, _box(power) / area + FAINT**2
+    area = box(np.ones_like(power))
+    return np.sqrt(power + FAINT**2), area, box(power) / area + FAINT**2
 
 
-def sparsity(latent: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "r c"]) -> tuple[float, Float[np.ndarray, "rows cols"]]:
+def sparsity(
+    latent: Float[Any, "rows cols"], weight: Float[Any, "r c"], box: Callable[[Any], Any] = _box
+) -> tuple[float, Float[Any, "rows cols"]]:
     """sum w |grad l| / rms_local(grad l), and its derivative in l. The weight has one row and column less."""
     gx, gy = latent[:-1, 1:] - latent[:-1, :-1], latent[1:, :-1] - latent[:-1, :-1]
-    magnitude, area, local = _local_power(gx * gx + gy * gy)
+    magnitude, area, local = _local_power(gx * gx + gy * gy, box)
     scale = 1 / np.sqrt(local)
     value = float((weight * magnitude * scale).sum())
-    by_power = weight * scale / magnitude - _box(weight * magnitude * scale / local / area)  # twice df / d power
+    by_power = weight * scale / magnitude - box(weight * magnitude * scale / local / area)  # twice df / d power
     gradient = np.zeros_like(latent)
     for g, target in ((by_power * gx, np.s_[:-1, 1:]), (by_power * gy, np.s_[1:, :-1])):
         gradient[target] += g
@@ -163,13 +168,65 @@ def _tile_objective(
     return value, float(weight.sum()), out
 
 
-def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"], TileSystem]]:
-    """The scene's tiles, each with the displacements of its path samples and its system."""
+def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"]]]:
+    """The scene's tiles, each with the displacements of its path samples."""
     count = 1 if trajectory.coefficients.shape[1] == 2 and not scene.flow else scene.tiles
     for tile in tiles.split(scene.camera.intrinsics.cols, count, 0):
-        offsets = displacement(tile, trajectory, scene.flow, scene.camera, scene.samples)
-        columns = slice(tile.first, tile.last)
-        yield tile, offsets, tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
+        yield tile, displacement(tile, trajectory, scene.flow, scene.camera, scene.samples)
+
+
+def _system(scene: Scene, tile: Tile, offsets: Float[np.ndarray, "rows samples 2"]) -> TileSystem:
+    """A tile's system."""
+    columns = slice(tile.first, tile.last)
+    return tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
+
+
+def _on_device(scene: Scene, cut: list[tuple[Tile, Float[np.ndarray, "rows samples 2"]]], ridge: float) -> Eliminated:
+    """The latent images of all tiles, on a GPU."""
+    parts = [np.s_[:, tile.first : tile.last] for tile, _ in cut]
+    return device_frame.eliminated(
+        np.stack([offsets for _, offsets in cut]),
+        [scene.frame[part] for part in parts],
+        [scene.valid[part] for part in parts],
+        ridge=ridge,
+        floor=FLOOR * ridge,
+        completions=COMPLETIONS,
+    )
+
+
+def _objectives(
+    scene: Scene, trajectory: Trajectory, ridge: float
+) -> Iterator[tuple[Tile, tuple[float, float, Float[np.ndarray, "rows samples 2"]]]]:
+    """What `_tile_objective` answers of each tile, computed by the scene's device."""
+    typical = scene.gradient_power
+    if scene.device == "cpu":
+        for tile, offsets in _tiles(scene, trajectory):
+            yield tile, _tile_objective(_system(scene, tile, offsets), offsets, typical, ridge)
+        return
+    cut = list(_tiles(scene, trajectory))
+    solved, found = _on_device(scene, cut, ridge), []
+    box = partial(device_frame.box, window=WINDOW)
+    for t, frame in enumerate(solved.frames):
+        inner = tuple(slice(border, side - border) for border, side in zip(BORDER, frame.shape, strict=True))
+        weight = texture_weight(frame[inner], typical, box)
+        value, gradient = sparsity(solved.image(t)[inner], weight, box)
+        solved.slope(t)[inner] = gradient
+        found.append((value, float(weight.sum())))
+    for (tile, _), (value, weight), by_sample in zip(cut, found, solved.derivative(), strict=True):
+        yield tile, (value, weight, by_sample)
+
+
+def _latent_images(scene: Scene, trajectory: Trajectory, ridge: float) -> Iterator[tuple[Tile, Float[np.ndarray, "rows cols"]]]:
+    """Each tile's latent image on its own pixels, computed by the scene's device."""
+    if scene.device == "cpu":
+        for tile, offsets in _tiles(scene, trajectory):
+            system = _system(scene, tile, offsets)
+            yield tile, system.crop(system.op.image(_latent(system, ridge)[2]))
+        return
+    cut = list(_tiles(scene, trajectory))
+    solved = _on_device(scene, cut, ridge)
+    for t, (tile, _) in enumerate(cut):
+        yield tile, device_frame.to_host(solved.image(t))
 
 
 def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
@@ -179,9 +236,7 @@ def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float
     lens, timing = scene.camera.intrinsics, scene.camera.timing
     basis = trajectory.basis(timing.sample_times(scene.samples))
     value, total, gradient = 0.0, 0.0, np.zeros_like(trajectory.coefficients)
-    typical = scene.gradient_power
-    for tile, offsets, system in _tiles(scene, trajectory):
-        v, w, by_sample = _tile_objective(system, offsets, typical, ridge)
+    for tile, (v, w, by_sample) in _objectives(scene, trajectory, ridge):
         value += v
         total += w
         lever = tiles.levers(tile, lens, timing.rows, axes)
@@ -201,11 +256,11 @@ def density(
     """What each pixel adds to the numerator of f(theta), w (|grad l| / rms)^power, and its weight w; 0 where f is not measured."""
     trajectory = scene.scaled(trajectory)
     value, weight = np.zeros(scene.frame.shape, np.float32), np.zeros(scene.frame.shape, np.float32)
-    for tile, _, system in _tiles(scene, trajectory):
-        in_frame, in_latent = _measured(system.op)
-        image = system.op.image(_latent(system, ridge)[2])[in_latent]
+    for tile, whole in _latent_images(scene, trajectory, ridge):
+        down, across = (slice(border, side - border) for border, side in zip(BORDER, whole.shape, strict=True))
+        image = whole[down, across]
         magnitude, _, local = _local_power(np.diff(image, axis=1)[:-1] ** 2 + np.diff(image, axis=0)[:, :-1] ** 2)
-        w = texture_weight(system.frame[in_frame], scene.gradient_power)
-        place = (slice(in_frame[0].start, in_frame[0].stop - 1), slice(tile.first + in_frame[1].start, tile.first + in_frame[1].stop - 1))
+        w = texture_weight(scene.frame[:, tile.first : tile.last][down, across], scene.gradient_power)
+        place = (slice(down.start, down.stop - 1), slice(tile.first + across.start, tile.first + across.stop - 1))
         value[place], weight[place] = w * (magnitude / np.sqrt(local)) ** power, w
     return value, weight

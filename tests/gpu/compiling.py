@@ -32,14 +32,14 @@ def main() -> int:
     from numba import boolean, complex64, cuda, float32, float64, int8, int32, int64, types
     from numba.cuda import dispatcher
 
-    from rsvideo.gpu import banded, collaborative_filter, row_fourier
+    from rsvideo.gpu import banded, collaborative_filter, row_fourier, sparsity
 
     def array(kind: types.Type, sides: int) -> types.Array:
         return types.Array(kind, sides, "C")
 
     bands, symbol, spectra = array(complex64, 2), array(complex64, 4), array(complex64, 4)
     base, readers, offsets, places = array(int32, 2), array(int32, 3), array(int8, 4), array(int32, 1)
-    picture, sums = array(float32, 3), array(int64, 3)
+    picture, picture4, sums = array(float32, 3), array(float32, 4), array(int64, 3)
     kernels = {
         banded._factor_in_window: (bands, int64, array(float32, 1), float32, bands),
         banded._factor_in_place: (bands, int64, array(float32, 1), float32, bands),
@@ -49,12 +49,15 @@ def main() -> int:
         row_fourier._adjoint: (symbol, base, readers, spectra, spectra),
         row_fourier._gram: (symbol, base, readers, array(complex64, 4)),
         collaborative_filter._search: (array(float32, 2), places, places, offsets),
+        sparsity._sensitivity: (*[picture4] * 6, array(float64, 4), places, int64, int64, picture4),
         collaborative_filter._filter: (picture, picture, offsets, places, places, array(float32, 2), float32, boolean, sums, sums),
     }
     for architecture in ARCHITECTURES:
-        dispatcher.get_current_device = lambda architecture=architecture: SimpleNamespace(compute_capability=architecture)
+        stated = SimpleNamespace(compute_capability=architecture)
+        dispatcher.get_current_device = lambda stated=stated: stated  # pyright: ignore[reportPrivateImportUsage]
         for kernel, signature in kernels.items():
-            ptx, _ = cuda.compile(kernel.py_func, signature, device=False, cc=architecture, output="ptx", abi="numba")
+            how = {"device": False, "cc": architecture, "output": "ptx", "abi": "numba"}
+            ptx, _ = cuda.compile(kernel.py_func, signature, **how)  # pyright: ignore[reportPrivateImportUsage]
             double = len(re.findall(r"\b(?:add|sub|mul|fma|div)\.(?:\w+\.)*f64\b", ptx))
             print(f"{kernel.py_func.__name__} sm_{architecture[0]}{architecture[1]} {double}")
     return 0

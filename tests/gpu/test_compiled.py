@@ -13,12 +13,12 @@ from tests.gpu.compiling import NONE_HERE
 HERE = Path(__file__).resolve().parent
 
 
-def test_every_kernel_compiles_and_only_the_phases_are_in_double_precision() -> None:
+def test_every_kernel_compiles_and_only_phases_and_offsets_are_in_double_precision() -> None:
     env = {**os.environ, SIMULATOR: "0", "PYTHONPATH": str(HERE.parent.parent)}
     done = subprocess.run([sys.executable, HERE / "compiling.py"], env=env, capture_output=True, text=True, check=False)
     if done.returncode == NONE_HERE:
         pytest.skip(done.stdout.strip())
     assert done.returncode == 0, done.stderr
     double = {tuple(line.split()[:2]): int(line.split()[2]) for line in done.stdout.splitlines()}
-    assert len(double) == 18
-    assert all(bool(count) == (kernel == "_symbol") for (kernel, _), count in double.items()), done.stdout
+    assert len(double) == 20
+    assert all(bool(count) == (kernel in ("_symbol", "_sensitivity")) for (kernel, _), count in double.items()), done.stdout

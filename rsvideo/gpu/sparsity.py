@@ -1,0 +1,131 @@
+"""The latent image as a function of the trajectory, and the derivative through it, of all tiles of a scene at once.
+
+The twin of what `rsvideo.restoration.sparsity` solves: l = M^-1 K^H b with M = K^H K + rho D^T D, and for a measure f(l) of it, with
+m = M^-1 f'(l) and r = b - K l, the change <dK m, r> - <K m, dK l> with each path sample's displacement.
+"""
+
+import math
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Float
+from numba import cuda, float32
+
+from rsvideo.gpu.arrays import Array, launch, to_host, xp
+from rsvideo.gpu.frame import System
+from rsvideo.physics.row_fourier import extent
+
+_THREADS = 128  # of a block, along the columns; a power of two
+
+
+@no_type_check
+@cuda.jit(cache=True)
+def _sensitivity(m, mx, latent, lx, residual, km, offsets, widths, top, left, out):
+    """<dK m, r> - <K m, dK l> for a unit displacement of each path sample, by linear interpolation; a block a sample."""
+    across = cuda.shared.array(_THREADS, float32)
+    down = cuda.shared.array(_THREADS, float32)  # on a line of its own: the simulator tells arrays apart by their lines
+    thread, threads = cuda.threadIdx.x, cuda.blockDim.x
+    t, i, k = cuda.blockIdx.z, cuda.blockIdx.y, cuda.blockIdx.x
+    whole_x, whole_y = math.floor(offsets[t, i, k, 0]), math.floor(offsets[t, i, k, 1])
+    ax, ay = float32(offsets[t, i, k, 0] - whole_x), float32(offsets[t, i, k, 1] - whole_y)
+    bx, by = float32(1) - ax, float32(1) - ay
+    y = i + top + int(whole_y)
+    sx, sy = float32(0), float32(0)
+    for j in range(thread, widths[t], threads):
+        x = left + int(whole_x) + j
+        r, q = residual[t, 0, i, left + j], km[t, 0, i, left + j]
+        dm = by * (bx * mx[t, 0, y, x] + ax * mx[t, 0, y, x + 1]) + ay * (bx * mx[t, 0, y + 1, x] + ax * mx[t, 0, y + 1, x + 1])
+        dl = by * (bx * lx[t, 0, y, x] + ax * lx[t, 0, y, x + 1]) + ay * (bx * lx[t, 0, y + 1, x] + ax * lx[t, 0, y + 1, x + 1])
+        sx += dm * r - dl * q
+        dm = bx * (m[t, 0, y + 1, x] - m[t, 0, y, x]) + ax * (m[t, 0, y + 1, x + 1] - m[t, 0, y, x + 1])
+        dl = bx * (latent[t, 0, y + 1, x] - latent[t, 0, y, x]) + ax * (latent[t, 0, y + 1, x + 1] - latent[t, 0, y, x + 1])
+        sy += dm * r - dl * q
+    across[thread], down[thread] = sx, sy
+    cuda.syncthreads()
+    half = threads // 2
+    while half > 0:
+        if thread < half:
+            across[thread] += across[thread + half]
+            down[thread] += down[thread + half]
+        cuda.syncthreads()
+        half //= 2
+    if thread == 0:
+        samples = float32(offsets.shape[2])
+        out[t, i, k, 0] = across[0] / samples
+        out[t, i, k, 1] = down[0] / samples
+
+
+class Eliminated:
+    """The latent images of tiles (rows, cols), each with the blur of its `offsets`."""
+
+    def __init__(
+        self,
+        offsets: Float[np.ndarray, "tiles rows samples 2"],
+        frames: list[Float[np.ndarray, "rows cols"]],
+        valid: list[Float[np.ndarray, "rows cols"]],
+        *,
+        ridge: float,
+        floor: float,
+        completions: int,
+    ) -> None:
+        self._offsets = offsets
+        reach = extent(offsets, max(frame.shape[1] for frame in frames))
+        self.frames = [xp.asarray(np.ascontiguousarray(frame)) for frame in frames]
+        self._system = System.of(offsets, reach, [frame[None] for frame in self.frames], [xp.asarray(v > 0)[None] for v in valid])
+        op = self._system.op
+        self._factor = self._system.factor(ridge, floor)
+        self._data = self._system.completed()
+        self._latent = self._factor.solve(op.adjoint(op.spectrum(self._data)))
+        self._blurred = op.image(op.forward(self._latent))
+        for _ in range(completions - 1):
+            self._data = self._system.complete(self._blurred)
+            self._latent = self._factor.solve(op.adjoint(op.spectrum(self._data)))
+            self._blurred = op.image(op.forward(self._latent))
+        self._images = op.image(self._latent)
+        self.slopes = xp.zeros_like(self._images)  # f'(l), which whoever measures writes
+
+    def image(self, tile: int) -> Array:
+        """A tile's latent image on its own pixels."""
+        return self._own(self._images, tile)
+
+    def slope(self, tile: int) -> Array:
+        """The part of `slopes` that belongs to them."""
+        return self._own(self.slopes, tile)
+
+    def derivative(self) -> Float[np.ndarray, "tiles rows samples 2"]:
+        """Of f in every path sample's displacement, where `slopes` holds f'(l)."""
+        op = self._system.op
+        m = self._factor.solve(op.spectrum(self.slopes))
+        along = xp.asarray((2j * np.pi / op.period * np.arange(op.frequencies)).astype(np.complex64))
+        images = op.image(m), op.image(m * along), self._images, op.image(self._latent * along)
+        out = xp.empty(self._offsets.shape, xp.float32)
+        tiles, rows, samples, _ = self._offsets.shape
+        launch(
+            _sensitivity,
+            (samples, rows, tiles),
+            (_THREADS,),
+            *images,
+            self._data - self._blurred,
+            op.image(op.forward(m)),
+            xp.asarray(np.ascontiguousarray(self._offsets, dtype=float)),
+            xp.asarray(np.array(self._system.widths, np.int32)),
+            op.top,
+            op.left,
+            out,
+        )
+        return to_host(out)
+
+    def _own(self, whole: Array, tile: int) -> Array:
+        op = self._system.op
+        return whole[tile, 0, op.top : op.top + op.rows, op.left : op.left + self._system.widths[tile]]
+
+
+def box(image: Array, window: int) -> Array:
+    """The mean over a window about each pixel, 0 beyond the image; in double precision, for sums over whole lines lose digits."""
+    half = window // 2
+    out = image.astype(xp.float64)
+    for axis in (0, 1):
+        length = out.shape[axis]
+        sums = xp.cumsum(xp.pad(out, [(half + 1, half) if side == axis else (0, 0) for side in range(2)]), axis=axis)
+        out = xp.take(sums, xp.arange(window, window + length), axis=axis) - xp.take(sums, xp.arange(length), axis=axis)
+    return (out / window**2).astype(xp.float32)
