@@ -45,7 +45,16 @@ _FORMATS: dict[str, "Format"] = {".md": "markdown", ".tex": "latex", ".csv": "cs
 @options.offers(
     "camera",
     *("motion.model", "motion.trajectory", "motion.gyro", "motion.gyro_offset", "motion.gyro_axes"),
-    *("deblur.prior", "deblur.frames", "deblur.block_rows", "input.range", "input.rate", "encoding.codec", "encoding.quality"),
+    *(
+        "deblur.prior",
+        "deblur.frames",
+        "deblur.device",
+        "deblur.block_rows",
+        "input.range",
+        "input.rate",
+        "encoding.codec",
+        "encoding.quality",
+    ),
 )
 def compare(
     source: Annotated[Path | None, typer.Argument(metavar="INPUT|JOB.yaml", help="A photograph, a clip, or a job's file.")] = None,

@@ -17,8 +17,8 @@ from numba import complex64, cuda, float32
 from rsvideo.gpu.arrays import SHARED_BYTES, Array, launch, xp
 
 _CHUNK = 16  # rows of a factor that are solved with at a time
-_FACTOR_THREADS = 32, 8  # along a row of the window, and down its rows
-_SOLVE_THREADS = 64  # along a row, for each right-hand side
+_WARP = 32  # threads that run in step
+_NARROW = 32  # rows and columns of a window, up to which half the threads do
 _BYTES = 8  # of a complex64
 
 
@@ -171,7 +171,8 @@ class BandedFactor:
             chunk //= 2
         x = xp.empty_like(right)
         shared = _solve_bytes(chunk, width, sides)
-        launch(_solve, (systems,), (_SOLVE_THREADS, sides), self.factor, self.rows, chunk, right, x, shared=shared)
+        threads = _WARP if width <= _NARROW else 2 * _WARP, sides  # along a row, and for each right-hand side
+        launch(_solve, (systems,), threads, self.factor, self.rows, chunk, right, x, shared=shared)
         return x
 
 
@@ -188,7 +189,8 @@ class BandedHermitian:
         factor = xp.empty_like(band)
         within = _BYTES * (width + width * width) <= SHARED_BYTES
         kernel, shared = (_factor_in_window, width + width * width) if within else (_factor_in_place, width)
-        launch(kernel, (systems,), _FACTOR_THREADS, band, rows, diagonal, xp.float32(neighbour), factor, shared=_BYTES * shared)
+        threads = _WARP, 4 if width <= _NARROW else 8  # along a row of the window, and down its rows
+        launch(kernel, (systems,), threads, band, rows, diagonal, xp.float32(neighbour), factor, shared=_BYTES * shared)
         return BandedFactor(factor=factor, rows=rows)
 
 

@@ -246,7 +246,7 @@ class DeviceFrame:
                 return parts[0] if len(parts) == 1 else xp.concatenate(parts)
             except OutOfMemory as error:
                 if self._at_a_time == 1:
-                    raise DeviceMemoryError("the GPU's memory does not hold one tile of the frame") from error
+                    raise DeviceMemoryError("it does not hold one tile of the frame") from error
             self._kept, self._at_a_time = None, self._at_a_time // 2
             arrays.release()
 

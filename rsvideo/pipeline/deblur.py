@@ -8,7 +8,6 @@ from pathlib import Path
 from types import ModuleType
 
 from rsvideo.config.sidecar import Mark
-from rsvideo.pipeline.devices import DeviceMemoryError
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished, Outcome
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer
@@ -18,8 +17,10 @@ def carry_out(task: Task, observe: Observer) -> Outcome:
     """Restore and write, in this process; all of it on the processor where a GPU's memory does not do."""
     try:
         return _kind(task).carry_out(task, observe)
-    except DeviceMemoryError as error:
-        note = f"{error}: all was computed on the processor"
+    except MemoryError as error:
+        if task.settings.device == "cpu":
+            raise
+        note = f"the GPU's memory did not do, all was computed on the processor ({error})"
     outcome = _kind(task).carry_out(replace(task, settings=replace(task.settings, device="cpu")), observe)
     return replace(outcome, notes=(*outcome.notes, note))
 

@@ -5,9 +5,6 @@ from typing import Literal
 from rsvideo.config.method import Method
 from rsvideo.config.request import Request
 from rsvideo.gpu import device
-from rsvideo.gpu.device import DeviceMemoryError
-
-__all__ = ["DeviceMemoryError", "check", "chosen", "settled"]
 
 Device = Literal["cpu", "cuda"]
 

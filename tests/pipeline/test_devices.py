@@ -16,11 +16,11 @@ from rsvideo.config.method import Method
 from rsvideo.config.request import Request
 from rsvideo.frame import Frame
 from rsvideo.gpu import device
+from rsvideo.gpu.device import DeviceMemoryError
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import still
 from rsvideo.pipeline import deblur, devices, fingerprint, output
-from rsvideo.pipeline.devices import DeviceMemoryError
 from rsvideo.pipeline.pieces import Outcome
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import ignore
@@ -93,14 +93,24 @@ def test_what_a_gpus_memory_does_not_hold_is_computed_on_the_processor_and_said(
     def carry_out(task: Task, _: object) -> Outcome:
         tried.append(task.settings.device)
         if task.settings.device == "cuda":
-            raise DeviceMemoryError("the GPU's memory does not hold one tile of the frame")
+            raise DeviceMemoryError("it does not hold one tile of the frame")
         return Outcome(notes=("one",), seconds=1.0)
 
     task = prepare(wanted(tmp_path, device="cpu"))
     monkeypatch.setattr(deblur, "_kind", lambda _: SimpleNamespace(carry_out=carry_out))
     outcome = deblur.carry_out(replace(task, settings=replace(task.settings, device="cuda")), ignore)
     assert tried == ["cuda", "cpu"]
-    assert outcome.notes == ("one", "the GPU's memory does not hold one tile of the frame: all was computed on the processor")
+    note = "the GPU's memory did not do, all was computed on the processor (it does not hold one tile of the frame)"
+    assert outcome.notes == ("one", note)
+
+
+def test_a_host_without_memory_is_not_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def carry_out(*_: object) -> Outcome:
+        raise MemoryError("of the host")
+
+    monkeypatch.setattr(deblur, "_kind", lambda _: SimpleNamespace(carry_out=carry_out))
+    with pytest.raises(MemoryError, match="of the host"):
+        deblur.carry_out(prepare(wanted(tmp_path, device="cpu")), ignore)
 
 
 def test_the_extra_the_driver_and_a_trial_are_needed_in_this_order(monkeypatch: pytest.MonkeyPatch) -> None:
