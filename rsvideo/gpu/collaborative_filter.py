@@ -12,7 +12,18 @@ import numpy as np
 from numba import cuda, float32, int32, int64
 
 from rsvideo.gpu.arrays import Array, launch, xp
-from rsvideo.solvers.collaborative_filter import DCT, GROUP, OPPONENT, PATCH, REACH, THRESHOLD, groups_hold, places
+from rsvideo.solvers.collaborative_filter import (
+    CLOSE,
+    COLOUR_STRIDE,
+    DCT,
+    GROUP,
+    OPPONENT,
+    PATCH,
+    REACH,
+    THRESHOLD,
+    groups_hold,
+    places,
+)
 
 _MATCH_THREADS = 128  # of a block; a power of two
 _FILTER_THREADS = 64  # a divisor of a patch's area: each thread has coefficients of its own in all patches of a group
@@ -43,12 +54,16 @@ def _search(guide, ys, xs, offsets):
     cuda.syncthreads()
     for n in range(t, down * across, threads):
         v, u = n // across, n % across
+        dy, dx = abs(top + v - y), abs(left + u - x)
+        if (dy == 0 and dx == 0) or (max(dy, dx) > CLOSE and (dy % 2 != 0 or dx % 2 != 0)):  # itself, or no candidate
+            distance[n] = float32(_FAR)
+            continue
         total = float32(0)
         for a in range(PATCH):
             for b in range(PATCH):
                 d = near[(v + a) * _LOOKED_AT + u + b] - near[(y - top + a) * _LOOKED_AT + x - left + b]
                 total += d * d
-        distance[n] = float32(_FAR) if v == y - top and u == x - left else total
+        distance[n] = total
     for k in range(1, offsets.shape[2]):
         best, at = float32(_FAR), int32(0)
         for n in range(t, down * across, threads):
@@ -161,7 +176,9 @@ def _filter(image, pilot, offsets, ys, xs, dct, sigma, wiener, total, weight):
     sums = cuda.shared.array(_FILTER_THREADS, float32)
     y, x, to = ys[cuda.blockIdx.y], xs[cuda.blockIdx.x], offsets[cuda.blockIdx.y, cuda.blockIdx.x]
     count = offsets.shape[2]
-    for c in range(image.shape[0]):
+    sparse_y = cuda.blockIdx.y % COLOUR_STRIDE == 0 or cuda.blockIdx.y == len(ys) - 1
+    sparse_x = cuda.blockIdx.x % COLOUR_STRIDE == 0 or cuda.blockIdx.x == len(xs) - 1
+    for c in range(image.shape[0] if sparse_y and sparse_x else 1):  # colour differences of fewer patches
         _gather(image[c], to, y, x, count, group)
         _cosine(group, count, dct, False)
         _haar(group, count)

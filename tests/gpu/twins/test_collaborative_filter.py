@@ -30,7 +30,7 @@ def test_the_groups_are_the_processors_to_the_last_tie(rows: int, cols: int) -> 
 @pytest.mark.parametrize("shrinkage", ["threshold", "wiener"])
 @pytest.mark.parametrize("channels", [1, 3])
 def test_the_picture_is_the_processors(shrinkage: str, channels: int) -> None:
-    picture = image(*((60, 83) if LARGE else (8, 10)), channels)
+    picture = image(*((60, 83) if LARGE else (8, 13)), channels)
     pilot = None if shrinkage == "threshold" else np.ascontiguousarray(picture[::-1])
     matches = twin.match(picture)
     ours = collaborative_filter.denoise(
