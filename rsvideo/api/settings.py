@@ -30,7 +30,7 @@ class Settings:
         refinement: How it is refined: with the latent image eliminated ("sparsity"), or by the paper's Algorithm 1 ("alternation").
         prior: What a sharp picture is taken to look like: "denoiser" (collaborative filtering), or the paper's total variation, "tv".
         frames: Of a clip: each restored with its neighbours ("together"), along the clip's path only ("alone"), or as a still ("cold").
-        device: What computes the final image: "cpu", "cuda" (an NVIDIA GPU, by the extra gpu), or one of them ("auto").
+        device: What restores: "cpu", "cuda" (an NVIDIA GPU, by the extra gpu), or "auto", a GPU if there is one.
 
     Raises:
         ValueError: A value is out of its bounds, or none of the words above.

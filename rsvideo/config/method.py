@@ -36,7 +36,7 @@ class Method(enum.StrEnum):
 
     @property
     def knows_gpu(self) -> bool:
-        """Whether final images can be computed on a GPU."""
+        """Whether latent images can be computed on a GPU."""
         return self in (Method.RSVIDEO, Method.GYRO, Method.GYRO_REFINE)
 
     @property

@@ -176,7 +176,7 @@ class Deblur(Section):
     ] = "together"
     prior: Annotated[Literal["denoiser", "tv"], Option(help="What a sharp picture is taken to look like.")] = "denoiser"
     device: Annotated[
-        Literal["auto", "cpu", "cuda"], Option(help="What computes the final image; auto takes an NVIDIA GPU if the extra gpu finds one.")
+        Literal["auto", "cpu", "cuda"], Option(help="What restores; auto takes an NVIDIA GPU if the extra gpu finds one.")
     ] = "auto"
 
 

@@ -1,4 +1,4 @@
-"""On what final images are computed: the processor, or an NVIDIA GPU. One clip is computed on one of them."""
+"""On what latent images are computed: the processor, or an NVIDIA GPU. One clip is computed on one of them."""
 
 from typing import Literal
 

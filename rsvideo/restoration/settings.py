@@ -25,7 +25,7 @@ class Settings:
     candidates: int = 5  # first trajectories that are refined before one is chosen, and up to as many without one of the strips
     trust: float = 0.15  # in the strips' kernels, against the picture's sparsity; origin: by trial
     frames: Literal["together", "alone", "cold"] = "together"  # of a clip: with their neighbours, along its path only, or as stills
-    device: Literal["cpu", "cuda"] = "cpu"  # what computes the final image
+    device: Literal["cpu", "cuda"] = "cpu"  # what computes latent images
 
     def __post_init__(self) -> None:
         if not 1 <= self.degree <= MOST_DEGREE:
