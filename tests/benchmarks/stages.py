@@ -248,8 +248,9 @@ def main() -> None:
     speed, bandwidth = peak()
     stages, kernels = [], []
     with tempfile.TemporaryDirectory() as folder:
-        filmed(warm := Path(folder) / "warm.png", 160, 120, 4, 1)
-        restored(warm, 160)  # compiles, and reads compiled loops
+        for name, frames in (("warm.png", 1), ("warm.mp4", 3)):  # compiles, and reads compiled loops
+            filmed(warm := Path(folder) / name, 160, 120, 4, frames)
+            restored(warm, 160)
         for cols, rows in (map(int, size.split("x")) for size in args.sizes.split(",")):
             for frames in [1] + [args.frames] * (args.frames > 1):
                 source = Path(folder) / ("frame.png" if frames == 1 else "clip.mp4")
