@@ -268,6 +268,7 @@ class Measured(BaseModel):
 
     exposure: float | None = None  # s; None where blur does not show it
     deviation: float = 0.0  # s
+    most: float | None = None  # s, of an exposure that blur does not show; None where it does not even show that
     blur: float | None = None  # px, that this exposure leaves in the middle one of the frames it was measured from
     readout: float | None = None  # s; None where motion does not show it, or nobody had to measure it
     unclear: tuple[str, ...] = ()  # why what is None could not be measured

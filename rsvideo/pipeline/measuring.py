@@ -91,7 +91,8 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     settled = camera(usual if readout is None else readout)
     found = exposure.measured(replace(run, camera=settled.along_scanlines(), source_camera=settled), period)
     if isinstance(found, exposure.Unclear):
-        return Measured(readout=readout, unclear=(*unclear, f"exposure: {found.reason}"))
+        most = found.most and round(found.most, DECIMALS)
+        return Measured(most=most, readout=readout, unclear=(*unclear, f"exposure: {found.reason}"))
     value, deviation, blur = (round(each, DECIMALS) for each in (found.value, found.deviation, found.blur))
     return Measured(exposure=value, deviation=deviation, blur=blur, readout=readout, unclear=tuple(unclear))
 

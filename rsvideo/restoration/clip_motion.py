@@ -25,7 +25,7 @@ from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import CameraPath, certainties, exposure_length, follow, polynomial, unexplained, windows, within
 from rsvideo.restoration.extent import longest
-from rsvideo.restoration.focus import focus, focus_value
+from rsvideo.restoration.focus import focus
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.refinement import SCALE
@@ -33,7 +33,7 @@ from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
-from rsvideo.restoration.trust import SHORT, run_share
+from rsvideo.restoration.trust import SHORT, run_share, vote
 
 TRUST = 2e-3  # tau; origin: by trial
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
@@ -84,7 +84,7 @@ def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observ
 
 def share(run: Run, tracked: CameraPath) -> float:
     """Of a restoration, how much the blur of the run allows, along the path that its points show."""
-    return run_share(_focuses(run, tracked))
+    return run_share(_votes(run, tracked))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -158,12 +158,14 @@ def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> 
     return Movement(within=[*inside], steps=steps, tied=run.tied).in_image(run.direction)
 
 
-def _focuses(run: Run, path: CameraPath) -> list[float]:
-    """The focus of each frame that is blurred enough to have one, along a path that was found without blur."""
-    timing = run.camera.timing
-    cuts = [(scene, within(path.spline, float(t), timing)) for scene, t in zip(run.scenes, run.begins, strict=True)]
-    wanted = [(reduced(scene, length), cut) for scene, cut in cuts if (length := longest(run.camera, cut)) > SHORT]
-    return threads.each(lambda each: focus_value(*each), wanted)
+def _votes(run: Run, path: CameraPath) -> list[tuple[float, float]]:
+    """What each frame that is blurred enough says of a path that was found without blur."""
+    beside, wanted = evidence(run, path, share=0.0), []
+    for k, begin in enumerate(run.begins):
+        cut = within(path.spline, float(begin), run.camera.timing)
+        if (length := longest(run.camera, cut)) > SHORT:
+            wanted.append((reduced(flowing(run, k, beside[k].flow), length), cut))
+    return threads.each(lambda each: vote(*each), wanted)
 
 
 def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:

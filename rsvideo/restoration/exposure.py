@@ -1,13 +1,14 @@
-"""How long the frames of a clip were exposed: the extent of their blur, against the speed that points between them show.
+"""How long the frames of a clip were exposed: the spectra of their blur, against the speed that points between them show.
 
-Points between the frames give the path C through them, and what near and moving things do beside it. Blur shows how much of it one
-exposure covers. With the path cut to exposures of length e about the same middles, f_k(C, e), the sparsity of frame k's latent image
-(restoration.sparsity), rises with e whatever the truth is, for latent images lose edges to any blur; at the true exposure, and only
-there, it has a dip:
+Points between the frames give the path through them, and what near and moving things do beside it. Blur shows how much of it one
+exposure covers: cut to an exposure e about the same middle, the path has the misfit a_k(e) to the power spectra of frame k
+(restoration.spectrum), and the same path turned by a right angle the misfit c_k(e). Softness of all directions, as lenses and codecs
+leave it, resembles a short blur along both; motion does not. In some frames the path is wrong. So
 
-    s_k(e) = (f_k(C, e / a) + f_k(C, a e)) / 2 - f_k(C, e)
+    m_k = a_k - g c_k,    p_k(e) = (1 - w) exp(-b m_k(e)) / sum_e exp(-b m_k(e)) + w / n
 
-is largest at the true e in the mean over frames, as a lens's focus is found from a series of pictures.
+is what frame k shows of the n exposures that are tried, and the product over the frames what the clip shows. Spectra are integrated over
+latent images, so that long exposures are not preferred to short ones, as they are by the sparsity of latent images.
 """
 
 from dataclasses import dataclass, replace
@@ -18,19 +19,21 @@ from jaxtyping import Float
 from rsvideo.restoration.camera_path import CameraPath, within
 from rsvideo.restoration.clip_motion import Run, evidence, flowing, path_from_tracks
 from rsvideo.restoration.extent import longest
+from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scene import Scene, reduced
-from rsvideo.restoration.sparsity import value
+from rsvideo.restoration.spectrum import Patches, patches
+from rsvideo.restoration.trust import misfits
 
 RATIO = 1.12  # from one exposure that is tried to the next
-ACROSS_DIP = 2  # such ratios are a: 1.25, about how wide the dip is
-SHORTEST = 1 / 16  # of a frame's period, the shortest exposure that is answered: blur of shorter ones is hardly ever visible
-FRAMES = 8  # with most motion, from whose blur the exposure is measured
+SHORTEST = 1 / 64  # of a frame's period, the shortest one
+FRAMES = 16  # with most motion, from whose blur the exposure is measured
 FEWEST = 3  # of them
-LEAST_BLUR = 1.0  # px in the middle one of these frames; exposures that leave less are not tried, as no dip can show
-PLAIN = 3.0  # px of blur, which an answer must leave in the middle one of these frames; a shorter one's dip is uncertain
-CERTAIN = 3.0  # standard errors of the mean over frames, which the dip must exceed; origin: by trial
-ALONE = 2.5  # times the next dip, which it must exceed; origin: by trial
-RESAMPLED = 200  # times that the frames are drawn anew, for the deviation (bootstrap)
+INDEPENDENT = 20.0  # b: numbers in a frame's spectra that are as good as independent; 15 to 60 differ little
+SOFTNESS = 0.5  # g: from 0.3 to 1 little differs where blur is plain, the more the longer short blurs appear
+ASTRAY = 0.2  # w: of the frames, those that show nothing
+PLAIN = 2.5  # px of blur, which an answer must leave in the middle one of these frames; less may be a lens's or a codec's
+SURE = 0.975  # of what is shown: exposures beyond are too long
+VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +47,10 @@ class Exposure:
 
 @dataclass(frozen=True, kw_only=True)
 class Unclear:
-    """Why blur does not show the exposure."""
+    """Why blur does not show the exposure, and what it is at most."""
 
     reason: str
+    most: float | None = None  # s; None where blur shows no bound
 
 
 def measured(run: Run, period: float) -> Exposure | Unclear:
@@ -55,29 +59,31 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     frames = _most_moving(run, path)
     if len(frames) < FEWEST:
         return Unclear(reason="too few of its frames could be followed from one to the next")
-    steps = round(np.log(1 / SHORTEST) / np.log(RATIO)) + 2 * ACROSS_DIP
-    tried = period * RATIO ** np.arange(ACROSS_DIP - steps, ACROSS_DIP + 1)
-    blur = np.array([np.median([_length(run, path, k, e) for k in frames]) for e in tried])
-    tried, blur = tried[blur >= LEAST_BLUR], blur[blur >= LEAST_BLUR]
-    if len(tried) <= 2 * ACROSS_DIP:
-        return Unclear(reason="its motion leaves too little blur")
+    tried = period * np.geomspace(SHORTEST, 1, 1 + round(np.log(1 / SHORTEST) / np.log(RATIO)))
     beside = evidence(run, path, share=0.0)
-    scenes = [reduced(flowing(run, k, beside[k].flow)) for k in frames]
-    dips = _dips(np.array([[_cost(run, path, k, scene, e) for e in tried] for k, scene in zip(frames, scenes, strict=True)]))
-    inner = tried[ACROSS_DIP:-ACROSS_DIP]
-    mean = dips.mean(axis=0)
-    best = int(np.argmax(mean))
-    error = float(dips[:, best].std(ddof=1)) / np.sqrt(len(frames))
-    others = np.abs(np.arange(len(inner)) - best) > ACROSS_DIP + 1
-    if mean[best] < CERTAIN * error or (others.any() and mean[best] < ALONE * mean[others].max()):
-        return Unclear(reason="its blur does not agree with its motion at one exposure more than at others")
-    found = _highest(inner, mean)
-    length = float(np.interp(found, tried, blur))
-    if length < PLAIN:
-        return Unclear(reason=f"its motion leaves too little blur, about {length:.1f} px")
-    rng = np.random.default_rng(0)
-    drawn = [_highest(inner, dips[rng.integers(0, len(frames), len(frames))].mean(axis=0)) for _ in range(RESAMPLED)]
-    return Exposure(value=found, deviation=float(np.std(drawn)), blur=length)
+    scenes = [_scene(run, path, k, beside[k].flow, period) for k in frames]
+    textured = [(k, scene, found) for k, scene in zip(frames, scenes, strict=True) if (found := patches(scene))]
+    if len(textured) < FEWEST:
+        return Unclear(reason="too few of its frames have texture to show blur")
+    misfits = np.array([[_misfit(run, path, k, scene, found, e) for e in tried] for k, scene, found in textured])
+    shown = _shown(misfits)
+    mean = float(shown @ np.log(tried))
+    value, deviation = float(np.exp(mean)), float(np.sqrt(shown @ (np.log(tried) - mean) ** 2))
+    blur = float(np.median([_length(run, path, k, value) for k, _, _ in textured]))
+    most = max(float(tried[np.searchsorted(np.cumsum(shown), SURE)]), value * PLAIN / blur)
+    if deviation > VAGUE:
+        return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=min(most, period))
+    if blur < PLAIN:
+        return Unclear(reason=f"its motion leaves too little blur, about {blur:.1f} px", most=min(most, period))
+    return Exposure(value=value, deviation=value * float(np.hypot(deviation, np.log(RATIO) / np.sqrt(12))), blur=blur)
+
+
+def _shown(misfits: Float[np.ndarray, "frames tried"]) -> Float[np.ndarray, " tried"]:
+    """What the frames together show of each exposure; of sum 1."""
+    each = np.exp(-INDEPENDENT * (misfits - misfits.min(axis=1, keepdims=True)))
+    together = np.log((1 - ASTRAY) * each / each.sum(axis=1, keepdims=True) + ASTRAY / misfits.shape[1]).sum(axis=0)
+    shown = np.exp(together - together.max())
+    return shown / shown.sum()
 
 
 def _most_moving(run: Run, path: CameraPath) -> list[int]:
@@ -97,23 +103,14 @@ def _begins(run: Run, k: int, exposure: float) -> float:
     return float(run.begins[k]) + (run.camera.timing.exposure - float(exposure)) / 2
 
 
-def _cost(run: Run, path: CameraPath, k: int, scene: Scene, exposure: float) -> float:
-    """f of frame k, of which `scene` is taken, for an exposure."""
+def _scene(run: Run, path: CameraPath, k: int, flow: Flow | None, period: float) -> Scene:
+    """The scene of frame k, in whose patches blur of half the longest exposure has room."""
+    return reduced(flowing(run, k, flow), _length(run, path, k, period) / 2)
+
+
+def _misfit(run: Run, path: CameraPath, k: int, scene: Scene, observed: Patches, exposure: float) -> float:
+    """m_k(e)."""
     cut = within(path.spline, _begins(run, k, exposure), replace(run.camera.timing, exposure=float(exposure)))
-    camera = replace(scene.camera, timing=replace(scene.camera.timing, exposure=float(exposure)))
-    scene = replace(scene, camera=camera)
-    return value(scene, cut, scene.search_ridge)
-
-
-def _dips(costs: Float[np.ndarray, "frames tried"]) -> Float[np.ndarray, "frames inner"]:
-    """s_k(e), at all exposures but the outermost."""
-    return (costs[:, : -2 * ACROSS_DIP] + costs[:, 2 * ACROSS_DIP :]) / 2 - costs[:, ACROSS_DIP:-ACROSS_DIP]
-
-
-def _highest(inner: Float[np.ndarray, " inner"], dip: Float[np.ndarray, " inner"]) -> float:
-    """Where a parabola through the largest dip and its neighbours, over the exposure's logarithm, is highest."""
-    k = int(np.argmax(dip))
-    if k in (0, len(dip) - 1):
-        return float(inner[k])
-    left, middle, right = dip[k - 1 : k + 2]
-    return float(inner[k] * RATIO ** (0.5 * (left - right) / (left - 2 * middle + right)))
+    scene = replace(scene, camera=replace(scene.camera, timing=replace(scene.camera.timing, exposure=float(exposure))))
+    along, turned = misfits(scene, observed, cut)
+    return along - SOFTNESS * turned

@@ -82,6 +82,11 @@ class Flow:
         """In the columns from `first` on."""
         return replace(self, points=self.points - (first, 0))
 
+    @property
+    def across(self) -> "Flow":
+        """The same velocities turned by a right angle, as restoration.verdict.across turns a path."""
+        return replace(self, weights=self.weights[:, ::-1] * (-1, 1))
+
     def at(self, places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """px/s at each place (column, row)."""
         return _kernel(places, self.points, self.length) @ self.weights

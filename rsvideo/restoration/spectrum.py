@@ -120,15 +120,21 @@ class Spectrum:
     curve: Trajectory  # of the kind, whatever its coefficients
     basis: Float[np.ndarray, "lines samples terms"] = field(init=False)  # about each scanline's mean, without the constant
     levers: Float[np.ndarray, "lines 2 axes"] = field(init=False)
+    beside: Float[np.ndarray, "lines samples 2"] | float = field(init=False)  # px, what the scene's flow adds to a path
 
     def __post_init__(self) -> None:
         timing, lens = self.scene.camera.timing, self.scene.camera.intrinsics
         axes = self.curve.coefficients.shape[1]
         lines = (self.patches.rows[:, None] + np.array(LINES)).ravel()
-        times = lines[:, None] * timing.row_time + (np.arange(SAMPLES) + 0.5) * (timing.exposure / SAMPLES)
+        open_for = (np.arange(SAMPLES) + 0.5) * (timing.exposure / SAMPLES)
+        times = lines[:, None] * timing.row_time + open_for
         basis = self.curve.basis(times)[..., 1:]
         object.__setattr__(self, "basis", basis - basis.mean(axis=1, keepdims=True))
-        object.__setattr__(self, "levers", lever(lens, np.repeat(self.patches.columns, len(LINES)), lines, axes) * self.scene.unit(axes))
+        columns, beside = np.repeat(self.patches.columns, len(LINES)), 0.0
+        object.__setattr__(self, "levers", lever(lens, columns, lines, axes) * self.scene.unit(axes))
+        if flow := self.scene.flow:
+            beside = (open_for.mean() - open_for)[:, None] * flow.at(np.stack([columns, lines], axis=-1))[:, None]
+        object.__setattr__(self, "beside", beside)
 
     def value(self, path: Trajectory) -> float:
         """The misfit of a path."""
@@ -136,7 +142,7 @@ class Spectrum:
 
     def misfit(self, coefficients: Float[np.ndarray, "unknowns axes"], *, slope: bool = True) -> tuple[float, np.ndarray]:
         """The mean over frequencies of log M + S / M, and its derivative in the coefficients but the constant ones."""
-        q = np.einsum("lsp,pa,lja->lsj", self.basis, coefficients, self.levers, optimize=True)
+        q = np.einsum("lsp,pa,lja->lsj", self.basis, coefficients, self.levers, optimize=True) + self.beside
         ey, ex = _waves(q[..., 1], _DOWN), _waves(q[..., 0], _ACROSS)
         k = np.matmul(ey.swapaxes(-1, -2), ex) / SAMPLES
         dark = (np.abs(k) ** 2).reshape(-1, len(LINES), *k.shape[1:]).mean(axis=1) + LEAK

@@ -105,6 +105,10 @@ def exposure_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tu
 def _from_blur(measured: Measured, fps: float) -> Fact[float]:
     """The measured exposure, or the mild one where blur does not show it."""
     if measured.exposure is None:
+        if measured.most is not None and measured.most < _MILD / fps:
+            return Fact(
+                value=measured.most, source="assumed, the longest that the clip's blur allows", within=(0.0, measured.most), assumed=True
+            )
         return Fact(value=_MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
     spread = 2 * measured.deviation
     return Fact(
@@ -115,8 +119,16 @@ def _from_blur(measured: Measured, fps: float) -> Fact[float]:
 def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact[float], tuple[str, ...]]:
     """What is typed in, or what the blur shows if that contradicts it."""
     measured = sources.measured
-    if measured is None or measured.exposure is None or given.force or sources.fps is None:
+    if measured is None or given.force or sources.fps is None:
         return stated, ()
+    if measured.exposure is None:
+        if measured.most is None or stated.value < _CONTRADICTED * measured.most:
+            return stated, ()
+        taken = _from_blur(measured, sources.fps)
+        return taken, (
+            f"the clip's blur is at least {stated.value / measured.most:.2g} times shorter than an exposure of"
+            f" {_fraction(stated.value)} leaves along its motion; {_ms(taken.value)} is taken, --force takes what is given",
+        )
     ratio = stated.value / measured.exposure
     apart = abs(stated.value - measured.exposure)
     if max(ratio, 1 / ratio) < _CONTRADICTED or apart < _CERTAIN * measured.deviation:

@@ -1,16 +1,19 @@
-"""Restore real scenes blurred and sheared afresh, with the installed command, and print what each frame gained.
+"""Restore real scenes blurred and sheared afresh, and print what each frame gained, and how many frames were harmed.
 
-    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|FACTOR ...] [--json FILE]
+    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|FACTOR ...] [--only NAME ...] [--json FILE]
 
-CASES holds a folder a case: clip.mp4, truth.mp4 and case.json with exposure_s and readout_s. `stated` gives both numbers, `none` gives
-nothing at all, and a FACTOR gives the readout and so many times the exposure: what a wrong number does. RESULTS gets NAME.WAY.mkv and
-its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are after the best shift and scale of each whole frame.
+CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp4, truth.mp4 and case.json with exposure_s and readout_s.
+`stated` gives both numbers, `none` gives nothing at all, and a FACTOR gives the readout and so many times the exposure, of a frame's period
+at most: what a wrong number does. RESULTS gets NAME.WAY.mkv and its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are
+after the best shift and scale of each whole frame. Frames count as blurred where the middle one of all pixels moves by more than 2 px while
+the middle scanline is open. A wrong exposure counts as told where the command warns of it in any way.
+
+A restoration depends on the shutter that is settled for it: ways that settle the same one share it.
 """
 
 import argparse
 import json
 import resource
-import subprocess
 import sys
 from pathlib import Path
 
@@ -18,27 +21,88 @@ import numpy as np
 import published
 from clips import luma
 
+from rsvideo.config.request import Request, Sections
+from rsvideo.pipeline import deblur
+from rsvideo.pipeline.prepare import prepare
+from rsvideo.progress import ignore
 from rsvideo.report.metrics import psnr
 
-HARMED = 0.1  # dB below the input
+HARMED, MUCH = 0.1, 0.5  # dB below the input
+BLURRED = 2.0  # px
+WARNINGS = "blur is", "does not show"
 
 
-def restore(case: Path, way: str, output: Path) -> tuple[list[dict], str]:
-    """The frames' records, and what the command had to say."""
-    facts = json.loads((case / "case.json").read_text())
-    words = ["rsvideo", "deblur", case / "clip.mp4", "-o", output, "--codec", "ffv1", "--overwrite", "--json"]
+def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
+    """What the command would be asked."""
+    stated: dict = {"encoding": {"codec": "ffv1"}}
     if way != "none":
         factor = 1.0 if way == "stated" else float(way)
-        exposure = min(factor * facts["exposure_s"], 1 / facts["fps"])
-        words += ["--exposure", f"{exposure:.6f}", "--readout", facts["readout_s"]]
-    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=7200)
-    if done.returncode:
-        sys.exit(f"{case.name}: {done.stderr}")
-    return json.loads(done.stdout)["frames"], done.stderr
+        stated["camera"] = {"exposure": min(factor * facts["exposure_s"], 1 / facts["fps"]), "readout": facts["readout_s"]}
+    return Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
+
+
+def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.ndarray]]:
+    """The figures of a case, way by way, with the gain of each frame."""
+    facts = json.loads((case / "case.json").read_text())
+    truth, before = (luma(case / name) for name in ("truth.mp4", "clip.mp4"))
+    blur = np.array(facts.get("blur_px", [facts["blur_extent_px"]] * len(truth)))
+    settled: dict[tuple[float, float], tuple[np.ndarray, list[str], tuple[str, ...]]] = {}
+    rows = []
+    for way in ways:
+        output = folder / f"{case.name}.{way}.mkv"
+        task = prepare(request_of(case, way, facts, output))
+        shutter = task.timing.exposure, task.timing.readout
+        if shutter not in settled:
+            outcome = deblur.carry_out(task, ignore)
+            records = json.loads(task.request.record.read_text())["frames"]
+            verdicts = [record["verdict"].split(",")[0].split(":")[0] for record in records]
+            gain = np.array([psnr(a, t) - psnr(b, t) for a, b, t in zip(luma(output), before, truth, strict=True)])
+            settled[shutter] = gain, verdicts, outcome.notes
+        gain, verdicts, notes = settled[shutter]
+        row = {
+            "clip": case.name,
+            "exposure": way,
+            "exposure_taken": shutter[0] / facts["exposure_s"],
+            "blurred": int((blur > BLURRED).sum()),
+            "blurred_gain_db": float(gain[blur > BLURRED].sum()),
+            "gain_db": float(gain.mean()),
+            "least_gain_db": float(gain.min()),
+            "frames": len(gain),
+            "harmed": int((gain < -HARMED).sum()),
+            "harmed_much": int((gain < -MUCH).sum()),
+            "restored": verdicts.count("restored"),
+            "straightened": verdicts.count("straightened"),
+            "warned": any(words in note for note in (*task.notes, *notes) for words in WARNINGS),
+        }
+        rows.append((row, gain))
+        print("| " + " | ".join(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()) + " |", flush=True)
+    return rows
+
+
+def summary(rows: list[dict], ways: list[str]) -> list[dict]:
+    """All clips together, way by way."""
+    out = []
+    for way in ways:
+        some = [row for row in rows if row["exposure"] == way]
+        frames, blurred = (sum(row[name] for row in some) for name in ("frames", "blurred"))
+        out.append(
+            {
+                "exposure": way,
+                "clips": len(some),
+                "frames": frames,
+                "blurred": blurred,
+                "blurred_gain_db": sum(row["blurred_gain_db"] for row in some) / max(blurred, 1),
+                "harmed_share": sum(row["harmed"] for row in some) / frames,
+                "harmed_much": sum(row["harmed_much"] for row in some),
+                "least_gain_db": min(row["least_gain_db"] for row in some),
+                "warned": sum(row["warned"] for row in some),
+            }
+        )
+    return out
 
 
 def main() -> None:
-    """Run, and print a Markdown table."""
+    """Run, and print Markdown tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
@@ -47,40 +111,23 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    rows = []
-    print(
-        "| clip | exposure given | exposure taken, of the true one | gain dB | least gain dB | frames | harmed | restored | straightened |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|")
+    rows: list[dict] = []
     for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
         if args.only and case.name not in args.only:
             continue
-        truth, before = (luma(case / name) for name in ("truth.mp4", "clip.mp4"))
-        for way in args.exposure:
-            output = args.output / f"{case.name}.{way}.mkv"
-            records, notes = restore(case, way, output)
-            after = luma(output)
-            gain = np.array([psnr(a, t) - psnr(b, t) for a, b, t in zip(after, before, truth, strict=True)])
-            taken = records[0]["timing"]["exposure_s"] / json.loads((case / "case.json").read_text())["exposure_s"]
-            verdicts = [record["verdict"].split(",")[0].split(":")[0] for record in records]
-            row = {
-                "clip": case.name,
-                "exposure": way,
-                "exposure_taken": taken,
-                "gain_db": float(gain.mean()),
-                "least_gain_db": float(gain.min()),
-                "frames": len(gain),
-                "harmed": int((gain < -HARMED).sum()),
-                "restored": verdicts.count("restored"),
-                "straightened": verdicts.count("straightened"),
-            }
+        for row, gain in rows_of(case, args.exposure, args.output):
             rows.append(row)
-            print("| " + " | ".join(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()) + " |", flush=True)
-            print("\n".join(f"    {line}" for line in notes.splitlines() if "blur is" in line or "does not show" in line), file=sys.stderr)
-    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
-    print(f"\nmost memory of any run: {peak:.2f} GB", file=sys.stderr)
+            if worst := [f"{k}: {gain[k]:.2f}" for k in np.argsort(gain) if gain[k] < -HARMED]:
+                print(f"{row['clip']} {row['exposure']}, dB of harmed frames: {', '.join(worst)}", file=sys.stderr, flush=True)
+    if not rows:
+        sys.exit(f"{args.cases} holds no case")
+    print()
+    published.print_rows(rows)
+    published.print_rows(summaries := summary(rows, args.exposure))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"most memory of any run: {peak:.2f} GB", file=sys.stderr)
     if args.json:
-        published.write(args.json, {"footage": rows}, [])
+        published.write(args.json, {"footage": rows, "footage_summary": summaries}, [])
 
 
 if __name__ == "__main__":

@@ -5,21 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory, centred
-from rsvideo.restoration import exposure
 from rsvideo.restoration.camera_path import within
-from rsvideo.restoration.clip_motion import Run, gather
-from rsvideo.restoration.exposure import Exposure, Unclear
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.focus import focus, focus_map
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, reduced, scene_of
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.trust import LONG, SHORT, run_share, trust
+from rsvideo.restoration.trust import FULL_VOTES, LONG, SHORT, run_share, trust, vote
 from rsvideo.restoration.verdict import across
-from tests.pipeline.moving import RATE, Moving
+from tests.pipeline.moving import Moving
 
 MOVING = Moving(frames=8, rows=128, cols=192)
 
@@ -65,10 +61,19 @@ def test_a_restoration_is_followed_where_its_path_is_in_focus(blurred: tuple[Sce
 
 
 def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
-    assert run_share([0.01] * 4) == run_share([0.01] * 20 + [-0.02]) == 1.0
-    assert run_share([0.004, -0.01, 0.02, -0.013]) == 0.0
-    assert run_share([0.01, 0.01]) < 0.5  # by chance one in four times
-    assert run_share([0.01]) == run_share([]) == 0.0
+    sharp = (0.01, 0.1)
+    assert run_share([sharp] * 4) == run_share([sharp] * 20 + [(-0.02, -0.1)]) == 1.0
+    assert run_share([(0.004, -0.01), (-0.01, 0.05), (0.02, 0.03), (-0.013, -0.08)]) == 0.0
+    assert run_share([(0.01, -0.1)] * 4) == 0.0  # which contradict each other
+    assert run_share([(0.01, 0.0)] * 8) == 1.0  # without texture in whose spectra blur shows
+    assert run_share([(0.01, 0.0)]) == run_share([(0.0, 0.0)]) == run_share([]) == 0.0
+
+
+def test_a_frame_votes_for_its_own_path_and_against_others(blurred: tuple[Scene, Trajectory]) -> None:
+    scene, true = blurred
+    assert min(np.array(vote(scene, true)) / FULL_VOTES) > 1
+    assert vote(scene, across(true))[1] < 0
+    assert vote(scene, true.with_coefficients(2 * true.coefficients))[1] < 0
 
 
 def test_a_scene_of_long_blur_is_made_smaller_and_its_path_sampled_at_every_pixel(blurred: tuple[Scene, Trajectory]) -> None:
@@ -88,23 +93,3 @@ def test_half_a_frame_that_does_not_move_along_is_told_apart(blurred: tuple[Scen
     frame[:, :cols] = (still[:, :cols] ** 2.2) / max(float((still**2.2).max()), 1e-6)
     share = trust(replace(scene, frame=frame), true, longest(scene.camera, true))
     assert share[:, : cols - 30].mean() < 0.5 * share[:, cols + 30 :].mean()
-
-
-@pytest.mark.parametrize("assumed", [0.008, 0.03])
-def test_the_exposure_of_a_clip_shows_in_its_blur(assumed: float) -> None:
-    found = exposure.measured(taken(MOVING.recorded, assumed), 1 / RATE)
-    assert isinstance(found, Exposure)
-    assert found.value == pytest.approx(MOVING.exposure, rel=0.1)
-
-
-def test_a_clip_that_hardly_moves_does_not_show_its_exposure() -> None:
-    found = exposure.measured(taken(Moving(frames=5, reach=0.5).recorded, 0.02), 1 / RATE)
-    assert isinstance(found, Unclear)
-
-
-def taken(frames: list[Frame], assumed: float) -> Run:
-    """A run of frames with an assumed exposure, whose middles are where they are."""
-    size = frames[0].pixels.shape
-    moving = Moving(frames=1, rows=size[0], cols=size[1], exposure=assumed)
-    shifted = [replace(frame, time=frame.time + (MOVING.exposure - assumed) / 2) for frame in frames]
-    return gather(iter(shifted), Camera(timing=moving.timing, intrinsics=moving.camera), Settings())

@@ -194,6 +194,19 @@ def test_what_cannot_be_measured_is_assumed_short() -> None:
     assert all(fact.assumed for fact in (found.exposure, found.readout))
 
 
+def test_what_blur_bounds_is_assumed_no_longer() -> None:
+    bounded = replace(NOTHING, measured=Measured(most=0.004, unclear=("too little blur",)))
+    assert resolve(Camera(), bounded).exposure.value == 0.004
+    found, (note,) = exposure_of(Camera(exposure=0.02), bounded)
+    assert found is not None
+    assert found.value == 0.004
+    assert "at least 5 times shorter than an exposure of 1/50 s" in note
+    for stated in (0.001, 0.005):
+        assert exposure_of(Camera(exposure=stated), bounded)[1] == ()
+    loose = replace(NOTHING, measured=Measured(most=0.03, unclear=("too little blur",)))
+    assert resolve(Camera(), loose).exposure.value == 0.01
+
+
 @pytest.mark.parametrize(("stated", "words"), [(0.02, "5 times shorter than an exposure of 1/50 s"), (0.0008, "5 times longer")])
 def test_an_exposure_that_the_blur_contradicts_is_not_taken(stated: float, words: str) -> None:
     found, (note,) = exposure_of(Camera(exposure=stated), MEASURED)
