@@ -235,7 +235,8 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
         return 0, 1, None, ()
     from rsvideo.pipeline import clip_facts
     from rsvideo.video import pipe, sequence
-    from rsvideo.video.output_format import SEQUENCES, Encoding, chosen
+    from rsvideo.video.output_format import SEQUENCES, Encoding, check_times, chosen
+    from rsvideo.video.part import Part
 
     first, last = clip_facts.frame_range(opened.source, request.input.range)
     if request.motion_only:
@@ -249,6 +250,7 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     output.check_kind(request.output, folder=codec in SEQUENCES)
     if codec in SEQUENCES:
         sequence.older(request.output, opened.source)  # refuses what must stay
+    check_times(request.output, Part(stream=opened.source, first=first, last=last))
     if media.is_pipe(request.output):
         notes += (pipe.lost(opened.source),)
     return first, last, encoding, notes

@@ -9,19 +9,17 @@ from typing import TYPE_CHECKING
 import av
 import av.error
 import av.stream
-import numpy as np
 from av.container import InputContainer
 
 from rsvideo.config.files import UnreadableError
 from rsvideo.video import container, decode, encoder
-from rsvideo.video.output_format import CONTAINERS, Encoding
+from rsvideo.video.output_format import CONTAINERS, MILLISECOND, Encoding, check_times
 from rsvideo.video.part import Part
 from rsvideo.video.stream import Colour, Picture, Track
 
 if TYPE_CHECKING:
     from av.container.core import Chapter
 
-_MILLISECOND = Fraction(1, 1000)  # Matroska's time base, as FFmpeg writes it
 _LOOKED_THROUGH = 1000  # times of which one may show that the clip's do not fall on whole milliseconds
 _NOT_CARRIED = {"major_brand", "minor_version", "compatible_brands", "encoder", "duration"}  # what a writer says of itself
 
@@ -46,7 +44,7 @@ class ContainerWriter:
     @property
     def base(self) -> Fraction:
         """Seconds a step of the file's times."""
-        return _MILLISECOND if self._family == "matroska" else Fraction(1, self._part.stream.time_base.denominator)
+        return MILLISECOND if self._family == "matroska" else Fraction(1, self._part.stream.time_base.denominator)
 
     def write(self, picture: Picture) -> None:
         """The next picture, in the layout of the writer's colour."""
@@ -90,10 +88,9 @@ class ContainerWriter:
     def _check_milliseconds(self, path: Path) -> None:
         """Note that times are rounded; refuse a clip whose pictures would then fall together."""
         stream = self._part.stream
-        if all((int(t) * stream.time_base / _MILLISECOND).denominator == 1 for t in stream.times[:_LOOKED_THROUGH]):
+        if all((int(t) * stream.time_base / MILLISECOND).denominator == 1 for t in stream.times[:_LOOKED_THROUGH]):
             return
-        if (np.diff(self._part.times(_MILLISECOND)) <= 0).any():
-            raise ValueError(f"{path} must keep pictures less than a millisecond apart, Matroska cannot; write .mov")
+        check_times(path, self._part)
         self.notes.append("Matroska keeps times to the millisecond; they are rounded to that")
 
     def _describe(self, source: InputContainer) -> None:

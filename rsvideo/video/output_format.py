@@ -1,13 +1,16 @@
 """What a clip is to be written as: its codec, and a layout of pixels that this holds."""
 
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 
 import av
+import numpy as np
 
 from rsvideo.config.media import CLIP_SUFFIXES, SEQUENCES, Codec, Pipe, is_pipe
 from rsvideo.physics.tone import Transfer
 from rsvideo.video import sequence
+from rsvideo.video.part import Part
 from rsvideo.video.pipe import BARE, PACKED, Y4M
 from rsvideo.video.stream import Colour, Matrix, Stream, planar
 
@@ -19,6 +22,7 @@ CONTAINERS = {
     ".mov": ("mov", ("h264", "hevc", "prores", "dnxhr")),
     ".mkv": ("matroska", tuple(ENCODERS)),
 }
+MILLISECOND = Fraction(1, 1000)  # Matroska's time base, as FFmpeg writes it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +33,15 @@ class Encoding:
     quality: float | None = None  # constant rate factor of H.264 and HEVC; None is visually lossless
     pixel_format: str = "same"  # FFmpeg's name
     threads: int = 2
+
+
+def check_times(path: Path, part: Part) -> None:
+    """ValueError where the container would round times of the pictures together."""
+    if path.suffix.lower() == ".mkv" and (np.diff(part.times(MILLISECOND)) <= 0).any():
+        raise ValueError(
+            f"{path} must keep pictures apart that are less than a millisecond apart, Matroska cannot; write .mp4 or .mov,"
+            " as H.264, HEVC or ProRes"
+        )
 
 
 def chosen(path: Path, stream: Stream, encoding: Encoding) -> tuple[str, Colour, tuple[str, ...]]:

@@ -1,5 +1,6 @@
 """One way from a request to a task, for photographs and clips."""
 
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,14 @@ from rsvideo.video import output_format
 from tests.video.clips import make
 
 GOOD: dict[str, Any] = {"exposure": 0.02, "readout": 0.02, "focal_px": 100}
+
+
+def test_times_that_matroska_would_round_together_are_refused_before_the_work(tmp_path: Path) -> None:
+    source = make(tmp_path / "in.mp4", frames=4, times=[0, 3000, 3001, 6000], base=Fraction(1, 90000))
+    request = {"source": source, "output": tmp_path / "out.mkv", "camera": GOOD}
+    with pytest.raises(ValueError, match="millisecond"):
+        prepare(Request.model_validate(request))
+    prepare(Request.model_validate(request | {"input": {"range": (0.0, 0.02)}}))
 
 
 @pytest.fixture(params=["photograph", "clip"])
