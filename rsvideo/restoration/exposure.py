@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from rsvideo import threads
 from rsvideo.restoration.camera_path import CameraPath, within
 from rsvideo.restoration.clip_motion import Run, evidence, flowing, path_from_tracks
 from rsvideo.restoration.extent import longest
@@ -65,7 +66,7 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     textured = [(k, scene, found) for k, scene in zip(frames, scenes, strict=True) if (found := patches(scene))]
     if len(textured) < FEWEST:
         return Unclear(reason="too few of its frames have texture to show blur")
-    misfits = np.array([[_misfit(run, path, k, scene, found, e) for e in tried] for k, scene, found in textured])
+    misfits = np.array(threads.each(lambda each: [_misfit(run, path, *each, e) for e in tried], textured))
     shown = _shown(misfits)
     mean = float(shown @ np.log(tried))
     value, deviation = float(np.exp(mean)), float(np.sqrt(shown @ (np.log(tried) - mean) ** 2))
