@@ -8,8 +8,8 @@ to 33 ms (log-uniform), readout 5 to 30 ms, 1 to 2 source frames a frame as far 
 would turn a hand's shake into an engine's. Sources are to have no rolling shutter of their own, which would add to that of the clips:
 `rsvideo deblur --method rectify --codec ffv1` takes it away, with the readout that `rsvideo calibrate readout --from-clip` finds. The clips
 are measured as by `rsvideo inspect --measure`. FILE gets the figures of each clip, and of all of them: the share that was answered,
-and the relative errors of the answers, for clips with more than 4 px of blur and with less, in two halves: what is chosen by the one
-can be reported by the other. The half goes by a hash of the source's name. DIR keeps the clips, and a later run takes them from there.
+and the relative errors of the answers, for clips with more than 4 px of blur, 2.5 to 4 px, and less. Another seed gives other clips: what
+is chosen by the ones can be reported by the others. DIR keeps the clips, and a later run takes them from there.
 
 The true blur is the middle pixel's motion in the frames with most of it, the measured one the longest streak of such frames: these
 differ where the scene is deep or the camera rolls.
@@ -38,13 +38,13 @@ from rsvideo.video import decode
 
 RATE = 30
 EXPOSURE, READOUT, SPEED = (0.5e-3, 33e-3), (5e-3, 30e-3), (1.0, 2.0)
-PLAIN = 4.0  # px of blur in the middle one of a clip's frames
+BANDS = {"more than 4 px": (4.0, np.inf), "2.5 to 4 px": (2.5, 4.0), "up to 2.5 px": (0.0, 2.5)}  # of blur in a clip's most blurred frames
 DRAWS = 5  # of a part of a source that has cuts
 QUANTITIES = ("exposure", "readout", "blur")
 
 
 def name(source: Path) -> str:
-    """By which a source is drawn for and put into a half; `truth.mp4` alone would be that of many."""
+    """By which a source is drawn for; `truth.mp4` alone would be that of many."""
     return f"{source.parent.name}/{source.name}"
 
 
@@ -115,20 +115,19 @@ def measured(case: Path) -> dict:
 
 
 def summary(rows: list[dict]) -> list[dict]:
-    """Shares answered and relative errors of each half, of clips with more and with less blur."""
+    """Shares answered and relative errors, of clips with more and with less blur."""
     out = []
-    for half in ("choose", "report"):
-        for blurred in (True, False):
-            some = [row for row in rows if row["half"] == half and (row["blur_extent_px"] > PLAIN) == blurred]
-            figures: dict = {"half": half, "blur": f"{'more than' if blurred else 'up to'} {PLAIN:g} px", "clips": len(some)}
-            for quantity in QUANTITIES:
-                unit = "px" if quantity == "blur" else "s"
-                pairs = [(row[f"{quantity}_{unit}"], row[f"{quantity}_measured_{unit}"]) for row in some]
-                errors = [abs(b / a - 1) for a, b in pairs if b is not None]
-                figures[f"{quantity}_answered"] = len(errors) / len(some) if some else None
-                figures[f"{quantity}_median_error"] = float(np.median(errors)) if errors else None
-                figures[f"{quantity}_p95_error"] = float(np.quantile(errors, 0.95)) if errors else None
-            out.append(figures)
+    for band, (least, most) in BANDS.items():
+        some = [row for row in rows if least < row["blur_px"] <= most]
+        figures: dict = {"blur": band, "clips": len(some)}
+        for quantity in QUANTITIES:
+            unit = "px" if quantity == "blur" else "s"
+            pairs = [(row[f"{quantity}_{unit}"], row[f"{quantity}_measured_{unit}"]) for row in some]
+            errors = [abs(b / a - 1) for a, b in pairs if b is not None]
+            figures[f"{quantity}_answered"] = len(errors) / len(some) if some else None
+            figures[f"{quantity}_median_error"] = float(np.median(errors)) if errors else None
+            figures[f"{quantity}_p95_error"] = float(np.quantile(errors, 0.95)) if errors else None
+        out.append(figures)
     return out
 
 
@@ -151,8 +150,7 @@ def main() -> None:
         for number in range(args.each):
             for source in args.clips:
                 if case := made(source, number, folder, args):
-                    half = ("choose", "report")[digest(source)[0] % 2]
-                    rows.append({"clip": case.name, "source": name(source), "half": half} | measured(case))
+                    rows.append({"clip": case.name, "source": name(source)} | measured(case))
                     print(f"{len(rows)}: {case.name}", file=sys.stderr, flush=True)
     if not rows:
         sys.exit("no clip could be made")

@@ -219,6 +219,14 @@ def test_an_exposure_that_the_blur_contradicts_is_not_taken(stated: float, words
     assert (forced.value, notes) == (stated, ())
 
 
+def test_softness_is_no_contradiction_to_a_shorter_exposure() -> None:
+    for blur, taken in ((2.9, 0.0025), (8.0, 0.004)):
+        soft = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, blur=blur))
+        found, _ = exposure_of(Camera(exposure=0.0025), soft)
+        assert found is not None
+        assert found.value == taken
+
+
 @pytest.mark.parametrize("stated", [0.0034, 0.0045])
 def test_an_exposure_that_the_blur_bears_out_is_taken(stated: float) -> None:
     found, notes = exposure_of(Camera(exposure=stated), MEASURED)
