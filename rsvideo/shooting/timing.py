@@ -20,7 +20,7 @@ from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 USUAL = 0.5  # of a frame's period: the readout of most cameras, and their exposure, until a clip has shown its own
 _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.2  # ratio of a stated exposure and the measured one from which on one of them is wrong; measured ones rarely are by 1.1
-_CERTAIN = 3.0  # deviations of the measured one, by which they must differ too
+_CERTAIN = 5.0  # deviations of the measured one, by which they must differ too: these do not hold what the path itself is off by
 _SOFT = 2.0  # px, a lens's or a codec's blur, which may lengthen what is measured: clips of 1.8 and 2.4 px showed 2.9
 _MILD = 0.25  # of a frame's period: the exposure of a clip whose blur does not show it; too short is the milder error
 
