@@ -35,6 +35,7 @@ ASTRAY = 0.2  # w: of the frames, those that show nothing
 PLAIN = 2.5  # px of blur, which an answer must leave in the middle one of these frames; less may be a lens's or a codec's
 SURE = 0.975  # of what is shown: exposures beyond are too long
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
+_LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +67,12 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     textured = [(k, scene, found) for k, scene in zip(frames, scenes, strict=True) if (found := patches(scene))]
     if len(textured) < FEWEST:
         return Unclear(reason="too few of its frames have texture to show blur")
-    misfits = np.array(threads.each(lambda each: [_misfit(run, path, *each, e) for e in tried], textured))
-    shown = _shown(misfits)
+    missed = np.array(threads.each(lambda each: [_misfit(run, path, *each, e) for e in tried], textured))
+    shown = _shown(missed)
     mean = float(shown @ np.log(tried))
     value, deviation = float(np.exp(mean)), float(np.sqrt(shown @ (np.log(tried) - mean) ** 2))
     blur = float(np.median([_length(run, path, k, value) for k, _, _ in textured]))
-    most = max(float(tried[np.searchsorted(np.cumsum(shown), SURE)]), value * PLAIN / blur)
+    most = max(float(tried[np.searchsorted(np.cumsum(shown), SURE)]), value * PLAIN / max(blur, _LEAST_BLUR))
     if deviation > VAGUE:
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=min(most, period))
     if blur < PLAIN:

@@ -23,12 +23,12 @@ SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblur
 OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
 FULL_VOTES = 0.005, 0.02  # s and d of a frame, beyond which they hardly count more, so that no frame outweighs many; origin: by trial
-_LEAST_VOTE = 1e-12
 CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
+_LEAST_VOTE = 1e-12  # where no frame votes, the sum is divided by this
 
 
 def run_share(votes: Sequence[tuple[float, float]]) -> float:
-    """The share of restorations, 0 to 1, that s and d of a run's frames grant together; fewer than two blurred frames grant none."""
+    """The share of restorations, 0 to 1, that s and d of a run's blurred frames grant together; a single one grants a third at most."""
     if not votes:
         return 0.0
     each = np.tanh(np.array(votes) / FULL_VOTES)

@@ -28,6 +28,11 @@ def test_a_clip_that_hardly_moves_does_not_show_its_exposure() -> None:
     assert isinstance(found, Unclear)
 
 
+def test_a_clip_that_does_not_move_at_all_shows_no_exposure() -> None:
+    still = [replace(frame, pixels=MOVING.recorded[0].pixels) for frame in MOVING.recorded[:4]]
+    assert isinstance(exposure.measured(taken(still, 0.02), 1 / RATE), Unclear)
+
+
 def test_frames_whose_path_is_wrong_are_outvoted() -> None:
     """Three of eight frames prefer another exposure, the rest agree to a step."""
     tried = np.arange(20.0)

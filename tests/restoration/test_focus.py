@@ -66,6 +66,7 @@ def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
     assert run_share([(0.004, -0.01), (-0.01, 0.05), (0.02, 0.03), (-0.013, -0.08)]) == 0.0
     assert run_share([(0.01, -0.1)] * 4) == 0.0  # which contradict each other
     assert run_share([(0.01, 0.0)] * 8) == 1.0  # without texture in whose spectra blur shows
+    assert run_share([sharp]) < 0.34
     assert run_share([(0.01, 0.0)]) == run_share([(0.0, 0.0)]) == run_share([]) == 0.0
 
 
