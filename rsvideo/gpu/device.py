@@ -46,7 +46,7 @@ def unavailable() -> str | None:
     if not any(_loads(name) for name in _DRIVERS):
         return "there is no NVIDIA driver"
     try:
-        done = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=_LONGEST, check=False)
+        done = subprocess.run([sys.executable, "-P", "-c", _PROBE], capture_output=True, text=True, timeout=_LONGEST, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"a trial on the GPU failed: {error}"
     why = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]

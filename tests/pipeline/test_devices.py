@@ -135,6 +135,17 @@ def test_the_extra_the_driver_and_a_trial_are_needed_in_this_order(monkeypatch: 
     assert why() is None
 
 
+def test_the_trial_runs_no_module_that_lies_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    trap, sprung = tmp_path / "cupy.py", tmp_path / "sprung"
+    trap.write_text(f"open({str(sprung)!r}, 'w')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    monkeypatch.setattr(device, "find_spec", lambda _: object())
+    monkeypatch.setattr(device, "_loads", lambda _: True)
+    device.unavailable()
+    assert not sprung.exists()
+
+
 def test_asking_for_a_device_starts_none_in_this_process() -> None:
     program = "import sys; from rsvideo.gpu import device; device.unavailable(); print({'cupy', 'numba', 'numba.cuda'} & {*sys.modules})"
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "set()"
