@@ -6,6 +6,8 @@ from collections.abc import Iterator
 
 from playwright.sync_api import Browser, Page
 
+PATIENCE = 180_000  # ms that a test waits for what has to be computed first, loops compiled anew beside other tests
+
 
 @contextlib.contextmanager
 def tab(browser: Browser, address: str, *, width: int = 1024, dark: bool = False) -> Iterator[Page]:

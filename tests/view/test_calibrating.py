@@ -15,7 +15,7 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.shooting import profiles
 from tests.calibration.flickering import lit
 from tests.view.servers import Server, serving
-from tests.view.tabs import tab
+from tests.view.tabs import PATIENCE, tab
 
 BOARD, FOCAL, READOUT = "chessboard:9x6:25mm", 330.0, 0.018
 
@@ -47,25 +47,25 @@ def test_a_camera_is_measured_and_its_profile_saved(browser: Browser, server: Se
     with tab(browser, f"{server.address}calibrate") as page:
         page.fill("#board", BOARD)
         page.click("#draw")
-        page.wait_for_selector("#board-image:not([hidden])", timeout=30_000)
+        page.wait_for_selector("#board-image:not([hidden])", timeout=PATIENCE)
         page.set_input_files("#files", views)
-        page.wait_for_selector(f"#views li:nth-child({len(views)})", timeout=30_000)
+        page.wait_for_selector(f"#views li:nth-child({len(views)})", timeout=PATIENCE)
         page.click("[aria-label='Forget a.png']")
         page.wait_for_selector("#views:not(:has-text('a.png'))")
         assert page.is_disabled("#save")
         page.fill("#camera", "Simulated")
         page.click("#lens")
-        page.wait_for_selector("#residuals:not([hidden])", timeout=60_000)
+        page.wait_for_selector("#residuals:not([hidden])", timeout=PATIENCE)
         assert "7 used, 2 refused" in page.inner_text("#lens-facts")
         assert "not used: none.png" in page.inner_text("#refused")
         page.select_option("#flicker-clip", "dwall.png")
         page.fill("#hertz", "500Hz")
         page.click("#readout")
-        page.wait_for_selector("#readout-facts dd", timeout=60_000)
+        page.wait_for_selector("#readout-facts dd", timeout=PATIENCE)
         page.fill("#profile-name", "simulated")
         page.click("#save")
-        page.wait_for_selector("#saved >> text=Saved as simulated.yaml", timeout=30_000)
-        page.wait_for_selector("#profile:not([hidden])", timeout=30_000)
+        page.wait_for_selector("#saved >> text=Saved as simulated.yaml", timeout=PATIENCE)
+        page.wait_for_selector("#profile:not([hidden])", timeout=PATIENCE)
         page.reload()
         page.wait_for_selector("html[data-ready]")
         assert "7 used" in page.inner_text("#lens-facts")

@@ -16,7 +16,7 @@ from rsvideo.batch import plan, status
 from tests.batch import clusters, runs
 from tests.robustness import jobs
 from tests.view.servers import STAND_IN, Server, serving
-from tests.view.tabs import tab
+from tests.view.tabs import PATIENCE, tab
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 HOSTILE = "<img src=x onerror=document.title='run'> & \"q\" \u202e4gpj\x1b.mp4"
@@ -42,7 +42,7 @@ def server(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[S
 
 def previewed(page: Page) -> bytes:
     """The picture on the right once the preview is complete."""
-    page.wait_for_selector("html[data-preview='done full']", timeout=30_000)
+    page.wait_for_selector("html[data-preview='done full']", timeout=PATIENCE)
     return page.request.get(page.evaluate("document.getElementById('right-image').src")).body()
 
 
@@ -72,12 +72,12 @@ def test_a_clip_is_tried_saved_run_and_found_by_a_page_that_comes_later(browser:
         page.click("#to-job")
         page.wait_for_selector("#wanted[data-state=ready]")
         page.click("#wanted button:text-is('Start')")
-        page.wait_for_selector("#wanted[data-state=running] >> text=restoring", timeout=30_000)
+        page.wait_for_selector("#wanted[data-state=running] >> text=restoring", timeout=PATIENCE)
     text = (folder / "walk.yaml").read_text()
     assert "# How long each row collects light" in text
     assert "exposure: 1/100" in text
     with tab(browser, f"{server.address}jobs") as page:  # in the middle of the run
-        page.wait_for_selector("article[data-name='walk.yaml'][data-state=done]", timeout=60_000)
+        page.wait_for_selector("article[data-name='walk.yaml'][data-state=done]", timeout=PATIENCE)
         page.click("article[data-name='walk.yaml'] a.result")
         page.wait_for_selector("html[data-ready]")
         assert page.inner_text("h1") == "walk_rsvideo.mp4"
@@ -115,14 +115,14 @@ def test_a_run_that_somebody_else_started_is_watched_paused_and_cancelled(browse
         tab(browser, f"{server.address}jobs") as page,
     ):
         article = "article[data-name='other.yaml']"
-        page.wait_for_selector(f"{article}[data-state=running] >> text=restoring", timeout=30_000)
+        page.wait_for_selector(f"{article}[data-state=running] >> text=restoring", timeout=PATIENCE)
         assert "memory" in page.inner_text(f"{article} .numbers")
         page.click(f"{article} button:text-is('Pause')")
-        page.wait_for_selector(f"{article}[data-state=paused]", timeout=20_000)
+        page.wait_for_selector(f"{article}[data-state=paused]", timeout=PATIENCE)
         page.click(f"{article} button:text-is('Resume')")
-        page.wait_for_selector(f"{article}[data-state=running]", timeout=20_000)
+        page.wait_for_selector(f"{article}[data-state=running]", timeout=PATIENCE)
         page.click(f"{article} button:text-is('Cancel')")
-        page.wait_for_selector(f"{article}[data-state=ready]", timeout=20_000)  # its one chunk was not done: nothing is kept
+        page.wait_for_selector(f"{article}[data-state=ready]", timeout=PATIENCE)  # its one chunk was not done: nothing is kept
         assert run.wait(timeout=20) == 128 + signal.SIGTERM
 
 
@@ -136,11 +136,11 @@ def test_a_run_on_the_workers_of_a_scheduler_is_watched_and_cancelled(browser: B
         tab(browser, f"{server.address}jobs") as page,
     ):
         article = "article[data-name='job.yaml']"
-        page.wait_for_selector(f"{article}[data-state=running] >> text=local", timeout=40_000)
+        page.wait_for_selector(f"{article}[data-state=running] >> text=local", timeout=PATIENCE)
         runs.begun(tally, 2)
         assert "one.mp4" in page.inner_text(article)
         page.click(f"{article} button:text-is('Cancel')")
-        page.wait_for_selector(f"{article}:not([data-state=running])", timeout=20_000)
+        page.wait_for_selector(f"{article}:not([data-state=running])", timeout=PATIENCE)
         assert run.wait(timeout=20) == 128 + signal.SIGTERM
 
 
@@ -168,7 +168,7 @@ def test_a_job_that_cannot_be_run_says_why(browser: Browser, server: Server, fol
     server.tell("api/jobs/start", at="0/late.yaml")
     with tab(browser, f"{server.address}jobs") as page:
         assert "there is no such key" in page.inner_text("article[data-name='bad.yaml'] .error")
-        page.wait_for_selector("article[data-name='late.yaml'] td.error", timeout=30_000)
+        page.wait_for_selector("article[data-name='late.yaml'] td.error", timeout=PATIENCE)
         assert "broken.mp4" in page.inner_text("article[data-name='late.yaml'] td.error")
     (folder / "broken.mp4").unlink()  # of which other pages show a picture
 
