@@ -42,8 +42,8 @@ def test_a_hundredth_of_a_decibel_and_five_hundredths_of_a_time_are_no_move(run)
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"blind_db": DB - 0.02}, f"| {CASE['case']} | restored, blind, dB | {DB:.2f} | {DB - 0.02:.2f} | -0.02 |"),
-        ({"path_error_px": PX + 0.02}, f"| {CASE['case']} | path error, px | {PX:.2f} | {PX + 0.02:.2f} | +0.02 |"),
+        ({"blind_db": DB - 0.02}, f"| {CASE['case']} | restored, blind, dB | {DB:g} | {round(DB - 0.02, 2):g} | -0.02 |"),
+        ({"path_error_px": PX + 0.02}, f"| {CASE['case']} | path error, px | {PX:g} | {round(PX + 0.02, 2):g} | +0.02 |"),
         ({"seconds": LATER}, f"| {CASE['case']} | time, s | {S:.0f} | {LATER} | +{LATER - S:.2f} (+{LATER / S - 1:.0%}) |"),
     ],
 )
