@@ -160,11 +160,11 @@ def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> 
 
 def _votes(run: Run, path: CameraPath) -> list[tuple[float, float]]:
     """What each frame that is blurred enough says of a path that was found without blur."""
-    beside, wanted = evidence(run, path, share=0.0), []
+    flows_beside, wanted = beside(run, path), []
     for k, begin in enumerate(run.begins):
         cut = within(path.spline, float(begin), run.camera.timing)
         if (length := longest(run.camera, cut)) > SHORT:
-            wanted.append((reduced(flowing(run, k, beside[k].flow), length), cut))
+            wanted.append((reduced(flowing(run, k, flows_beside[k]), length), cut))
     return threads.each(lambda each: vote(*each), wanted)
 
 
@@ -184,6 +184,11 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
         )
         for flow, departure, certainty in zip(_flows(run, beyond), coherent, certain, strict=True)
     ]
+
+
+def beside(run: Run, path: CameraPath) -> list[Flow | None]:
+    """The field of each frame that explains how far its points move beyond a path."""
+    return _flows(run, unexplained(path.spline, run.links, run.begins, run.camera))
 
 
 def flowing(run: Run, k: int, flow: Flow | None) -> Scene:

@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from rsvideo import threads
 from rsvideo.restoration.camera_path import CameraPath, within
-from rsvideo.restoration.clip_motion import Run, evidence, flowing, path_from_tracks
+from rsvideo.restoration.clip_motion import Run, beside, flowing, path_from_tracks
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scene import Scene, reduced
@@ -62,8 +62,8 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     if len(frames) < FEWEST:
         return Unclear(reason="too few of its frames could be followed from one to the next")
     tried = period * np.geomspace(SHORTEST, 1, 1 + round(np.log(1 / SHORTEST) / np.log(RATIO)))
-    beside = evidence(run, path, share=0.0)
-    scenes = [_scene(run, path, k, beside[k].flow, period) for k in frames]
+    flows = beside(run, path)
+    scenes = [_scene(run, path, k, flows[k], period) for k in frames]
     textured = [(k, scene, found) for k, scene in zip(frames, scenes, strict=True) if (found := patches(scene))]
     if len(textured) < FEWEST:
         return Unclear(reason="too few of its frames have texture to show blur")
