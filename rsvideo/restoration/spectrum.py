@@ -207,7 +207,7 @@ def _whittle(observed: Patches, dark: Float[np.ndarray, "parts n half"]) -> tupl
         signal = signals()
         ratio, excess = signal / (signal + noise), power / (signal + noise)
         slope = (_COUNT * (excess - 1) * ratio) @ _PHI.T - belief * (beta - _MEAN)
-        bend = np.maximum(ratio * (1 - ratio - excess * (1 - 2 * ratio)), np.float32(LEAST_CURVATURE) * ratio**2)
+        bend = np.maximum(ratio * (1 - ratio - excess * (1 - 2 * ratio)), LEAST_CURVATURE * ratio**2)
         curvature = ((_COUNT * bend) @ _PAIRS).reshape(-1, len(_PHI), len(_PHI)) + np.diag(belief)
         step = np.clip(np.linalg.solve(curvature, slope[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
         beta += step
@@ -215,11 +215,9 @@ def _whittle(observed: Patches, dark: Float[np.ndarray, "parts n half"]) -> tupl
             break
     signal = signals()
     model = signal + noise
-    misfit = (_COUNT * (np.log(model) + power / model)).sum(axis=1, dtype=float) / total + BELIEF * (_STIFFNESS * (beta - _MEAN) ** 2).sum(
-        axis=1
-    )
+    unlikely = BELIEF * (_STIFFNESS * (beta - _MEAN) ** 2).sum(axis=1)
+    misfit = (_COUNT * (np.log(model) + power / model)).sum(axis=1, dtype=float) / total + unlikely
     by_dark = np.zeros_like(dark)
-    by_dark[:, _COUNTED] = (
-        _COUNT * (1 / model - power / model**2) * (signal / counted) / total * observed.weight[:, None].astype(np.float32)
-    )
+    weight = observed.weight[:, None].astype(np.float32)
+    by_dark[:, _COUNTED] = _COUNT * (1 / model - power / model**2) * (signal / counted) / total * weight
     return float(observed.weight @ misfit), by_dark

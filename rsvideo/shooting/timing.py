@@ -131,11 +131,11 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
             f" {_fraction(stated.value)} leaves along its motion; {_ms(taken.value)} is taken, --force takes what is given",
         )
     softness = measured.exposure * _SOFT / measured.blur if measured.blur else 0.0
-    ratio = (stated.value if stated.value > measured.exposure else math.hypot(stated.value, softness)) / measured.exposure
-    apart = abs(stated.value - measured.exposure)
-    if max(ratio, 1 / ratio) < _CONTRADICTED or apart < _CERTAIN * measured.deviation:
-        return stated, ()
     ratio = stated.value / measured.exposure
+    softened = ratio if ratio > 1 else math.hypot(stated.value, softness) / measured.exposure
+    apart = abs(stated.value - measured.exposure)
+    if max(softened, 1 / softened) < _CONTRADICTED or apart < _CERTAIN * measured.deviation:
+        return stated, ()
     times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
     return _from_blur(measured, sources.fps), (
         f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion;"
