@@ -32,9 +32,9 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.row_fourier import RowFourier
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.physics.simulate import extent, render
+from rsvideo.physics.simulate import extent, margin, render
 from rsvideo.physics.tone import Transfer, decode, encode
-from rsvideo.physics.trajectory import Trajectory, centred, fit, still
+from rsvideo.physics.trajectory import Trajectory, fit, still
 from rsvideo.pipeline import clip_frames, deblur, photograph
 from rsvideo.pipeline import prepare as preparing
 from rsvideo.progress import ignore
@@ -197,30 +197,27 @@ def filmed(path: Path, cols: int, rows: int, blur: float, frames: int) -> None:
     lasting = ShutterTiming.from_readout(exposure=EXPOSURE, readout=READOUT + frames / RATE, rows=rows)
     motion = staging.hand(SEED)(lens, lasting)
     times = np.linspace(*timing.interval, 6 * TERMS)
-    pieces: list[Trajectory] = []
-    for k in range(frames):
-        piece = fit(still(timing.interval, degree=TERMS - 1, axes=3), times, motion.at(times + k / RATE))
-        pieces.append(piece)
+    rest = still(timing.interval, degree=TERMS - 1, axes=3)
+    pieces = [fit(rest, times, motion.at(times + k / RATE)) for k in range(frames)]
     scale = blur / max(extent(camera=lens, timing=timing, trajectory=piece) for piece in pieces)
-    middle = motion.at(np.array([lasting.middle]))[0]
-    margin = int(max(np.abs(scale * (motion.at(np.linspace(*lasting.interval, 400)) - middle))[:, :2].max() * 2, 3 * blur)) + 64
-    sharp = decode(Transfer.SRGB, scene(cols + 2 * margin, rows + 2 * margin)[..., ::-1].astype(np.float32) / 255)
+    middle = motion.at(np.array([lasting.middle if frames > 1 else timing.middle]))[0]
+    moved = [piece.shifted(-middle) for piece in pieces]
+    moved = [piece.with_coefficients(piece.coefficients * scale) for piece in moved]
+    down, across = np.max([margin(camera=lens, timing=timing, trajectory=piece) for piece in moved], axis=0)
+    sharp = decode(Transfer.SRGB, scene(int(cols + 2 * across), int(rows + 2 * down))[..., ::-1].astype(np.float32) / 255)
     rng = np.random.default_rng(SEED)
 
     def shown(piece: Trajectory) -> np.ndarray:
-        moved = piece.shifted(-middle)
-        moved = moved.with_coefficients(moved.coefficients * scale)
-        held = moved if frames > 1 else centred(moved, timing.middle)
-        blurred = render(sharp, camera=lens, timing=timing, trajectory=held, noise=Noise.at_half(NOISE), rng=rng).blurred
+        blurred = render(sharp, camera=lens, timing=timing, trajectory=piece, noise=Noise.at_half(NOISE), rng=rng).blurred
         return np.round(encode(Transfer.SRGB, blurred) * 255).astype(np.uint8)
 
     if frames == 1:
-        cv2.imwrite(str(path), shown(pieces[0])[..., ::-1])
+        cv2.imwrite(str(path), shown(moved[0])[..., ::-1])
         return
     with av.open(path, "w") as container:
         stream = container.add_stream("libx264", rate=Fraction(RATE), options={"crf": "12", "preset": "veryfast"})
         stream.width, stream.height, stream.pix_fmt = cols, rows, "yuv420p"
-        for piece in pieces:
+        for piece in moved:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(shown(piece)), format="rgb24")))
         container.mux(stream.encode(None))
 
