@@ -13,7 +13,7 @@ from jaxtyping import Float
 from numba import complex64, cuda, float32
 
 from rsvideo.gpu.arrays import Array, blocks_of, launch, xp
-from rsvideo.physics.row_fourier import Extent
+from rsvideo.physics.row_fourier import Extent, Grid
 
 _THREADS = 128  # of a block, each with a frequency
 _TURN = 2 * math.pi
@@ -80,14 +80,10 @@ def _gram(symbol, base, readers, band):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RowFourier:
-    """K(theta) of tiles side by side; latent row `top + i` and column `left + j` lie at a tile's position (i, j)."""
+class RowFourier(Grid):
+    """K(theta) of tiles side by side, which share one grid."""
 
     rows: int
-    top: int
-    latent_rows: int
-    left: int
-    period: int
     base: Array  # (tiles, rows): the first latent row that each scanline sees
     readers: Array  # (tiles, latent rows, 2): the first and the last scanline that may see each latent row, the last excluded
     symbol: Array  # (tiles, rows, width, frequencies)
@@ -96,16 +92,6 @@ class RowFourier:
     def tiles(self) -> int:
         """How many."""
         return self.symbol.shape[0]
-
-    @property
-    def frequencies(self) -> int:
-        """Of a tile."""
-        return self.period // 2 + 1
-
-    @property
-    def difference_power(self) -> Float[np.ndarray, " frequencies"]:
-        """|d_x(f)|^2 = |1 - exp(2 pi i f)|^2 of the difference between neighbouring columns."""
-        return 2 - 2 * np.cos(2 * np.pi * np.arange(self.frequencies) / self.period)
 
     def spectrum(self, image: Array) -> Array:
         """The Fourier transform along rows, of (..., period) to (..., frequencies)."""
@@ -141,7 +127,7 @@ class RowFourier:
 def row_fourier(displacement: Float[np.ndarray, "tiles rows samples 2"], reach: Extent) -> RowFourier:
     """The operator of tiles whose scanline i samples the latent image at offsets `displacement[t, i, k]` (x, y), within `reach`."""
     tiles, rows = displacement.shape[:2]
-    symbol = xp.zeros((tiles, rows, reach.width, reach.period // 2 + 1), xp.complex64)
+    symbol = xp.zeros((tiles, rows, reach.width, reach.frequencies), xp.complex64)
     dx = xp.asarray(np.ascontiguousarray(displacement[..., 0], dtype=float))
     how = dx, xp.asarray(reach.first.astype(np.int32)), xp.asarray(reach.across.astype(np.float32)), float(reach.period)
     launch(_symbol, (blocks_of(symbol.shape[3], _THREADS), rows, tiles), (_THREADS,), *how, symbol)

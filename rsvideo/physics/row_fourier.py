@@ -121,31 +121,38 @@ def _gram(first, last, re, im, base, gr, gi):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RowFourier:
-    """K(theta) for row-dependent shifts; the latent image is larger than the frame by the blur's extent on every side.
+class Grid:
+    """Where the latent image lies, which is larger than the frame by the blur's extent on every side.
 
     Latent row `top + i` and column `left + j` lie at frame position (i, j). Columns are periodic with `period`;
     those beyond the frame are unknown and belong to no observation.
     """
 
-    rows: int  # of the frame
-    cols: int
     top: int  # latent rows above the frame
     latent_rows: int
     left: int  # latent columns left of the frame
     period: int  # latent columns
-    base: Int[np.ndarray, " rows"]  # the first latent row that each scanline sees
-    re: Float[np.ndarray, "blocks rows width lanes"]
-    im: Float[np.ndarray, "blocks rows width lanes"]
 
     @property
     def frequencies(self) -> int:
+        """Of a latent row's spectrum."""
         return self.period // 2 + 1
 
     @property
     def difference_power(self) -> Float[np.ndarray, " frequencies"]:
         """|d_x(f)|^2 = |1 - exp(2 pi i f)|^2 of the difference between neighbouring columns."""
         return 2 - 2 * np.cos(2 * np.pi * np.arange(self.frequencies) / self.period)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RowFourier(Grid):
+    """K(theta) for row-dependent shifts."""
+
+    rows: int  # of the frame
+    cols: int
+    base: Int[np.ndarray, " rows"]  # the first latent row that each scanline sees
+    re: Float[np.ndarray, "blocks rows width lanes"]
+    im: Float[np.ndarray, "blocks rows width lanes"]
 
     def spectrum(self, image: Float[np.ndarray, "n period"]) -> Complex[np.ndarray, "n frequencies"]:
         """The Fourier transform along rows."""
@@ -182,13 +189,9 @@ def _parts(x: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Extent:
+class Extent(Grid):
     """How much of the latent image scanlines see that sample it at given offsets: of one frame, or of tiles that share one grid."""
 
-    top: int  # latent rows above the frame
-    latent_rows: int
-    left: int  # latent columns left of the frame
-    period: int  # latent columns
     width: int  # latent rows that one scanline sees, at most
     base: Int[np.ndarray, "*tiles rows"]  # the first of them
     first: Int[np.ndarray, "*tiles rows samples"]  # the first that each sample reads, from `base` on
@@ -232,7 +235,7 @@ def row_fourier(
     rows, dx = len(displacement), displacement[..., 0]
     share = np.full(dx.shape, 1 / dx.shape[1]) if weights is None else weights
     reach = extent(displacement, cols, margin)
-    count = -(-(reach.period // 2 + 1) // _LANES)
+    count = -(-reach.frequencies // _LANES)
     dx, share = (np.ascontiguousarray(each, dtype=float) for each in (dx, share))  # in one order, or each is compiled for
     re, im = (np.zeros((count, rows, reach.width, _LANES), np.float32) for _ in range(2))
     spread(_symbol, rows, dx, share, reach.first, reach.across.astype(np.float32), float(reach.period), re, im)
