@@ -13,8 +13,6 @@ from numba import cuda, float32, int32, int64
 
 from rsvideo.gpu.arrays import Array, launch, xp
 from rsvideo.solvers.collaborative_filter import (
-    CLOSE,
-    COLOUR_STRIDE,
     DCT,
     GROUP,
     OPPONENT,
@@ -22,7 +20,9 @@ from rsvideo.solvers.collaborative_filter import (
     REACH,
     THRESHOLD,
     groups_hold,
+    of_colour,
     places,
+    sought,
 )
 
 _MATCH_THREADS = 128  # of a block; a power of two
@@ -31,6 +31,7 @@ _AREA = PATCH * PATCH
 _LOOKED_AT = 2 * REACH + PATCH  # px a side that a reference patch is compared with
 _SURROUNDINGS, _CANDIDATES, _STACK = _LOOKED_AT**2, (2 * REACH + 1) ** 2, GROUP * _AREA  # sizes of arrays in shared memory
 _FAR = 3e38
+_sought, _of_colour = (cuda.jit(device=True)(rule.py_func) for rule in (sought, of_colour))
 _HALF = float(np.sqrt(0.5))
 _ONE = float(1 << 40)  # a weight of 1; the sums of one pixel stay below 2^23 of it
 
@@ -54,8 +55,8 @@ def _search(guide, ys, xs, offsets):
     cuda.syncthreads()
     for n in range(t, down * across, threads):
         v, u = n // across, n % across
-        dy, dx = abs(top + v - y), abs(left + u - x)
-        if (dy == 0 and dx == 0) or (max(dy, dx) > CLOSE and (dy % 2 != 0 or dx % 2 != 0)):  # itself, or no candidate
+        dy, dx = top + v - y, left + u - x
+        if (dy == 0 and dx == 0) or not _sought(dy, dx):
             distance[n] = float32(_FAR)
             continue
         total = float32(0)
@@ -176,9 +177,8 @@ def _filter(image, pilot, offsets, ys, xs, dct, sigma, wiener, total, weight):
     sums = cuda.shared.array(_FILTER_THREADS, float32)
     y, x, to = ys[cuda.blockIdx.y], xs[cuda.blockIdx.x], offsets[cuda.blockIdx.y, cuda.blockIdx.x]
     count = offsets.shape[2]
-    sparse_y = cuda.blockIdx.y % COLOUR_STRIDE == 0 or cuda.blockIdx.y == len(ys) - 1
-    sparse_x = cuda.blockIdx.x % COLOUR_STRIDE == 0 or cuda.blockIdx.x == len(xs) - 1
-    for c in range(image.shape[0] if sparse_y and sparse_x else 1):  # colour differences of fewer patches
+    coloured = _of_colour(cuda.blockIdx.y, len(ys)) and _of_colour(cuda.blockIdx.x, len(xs))
+    for c in range(image.shape[0] if coloured else 1):
         _gather(image[c], to, y, x, count, group)
         _cosine(group, count, dct, False)
         _haar(group, count)

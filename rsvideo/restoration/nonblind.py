@@ -6,7 +6,7 @@ and the columns beyond its sides, like clipped pixels, are completed from the mo
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Literal
@@ -152,14 +152,9 @@ class TiledFrame:
 
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""
-        latents = [
-            [
-                _towards(s, _extended(s, target[:, tile.first : tile.last, c]), target[:, tile.first : tile.last, c], ridge)
-                for c, s in enumerate(ss)
-            ]
-            for tile, ss in zip(self.cut, self.systems, strict=True)
-        ]
-        return _blended(self.cut, self.systems, latents)
+        columns = [target[:, tile.first : tile.last] for tile in self.cut]
+        latents = [[_extended(s, part[..., c]) for c, s in enumerate(ss)] for part, ss in zip(columns, self.systems, strict=True)]
+        return self.blended(self.nearest(latents, target, ridge))
 
     def total_variation(self, mu: float, *, steps: int) -> list[list[np.ndarray]]:
         """The latent image of each tile, of each channel, under total variation."""
@@ -176,11 +171,25 @@ class TiledFrame:
 
     def blended(self, latents: list[list[np.ndarray]]) -> Float[np.ndarray, "rows cols channels"]:
         """The tiles' latent images joined over their overlaps by linear weights."""
-        return _blended(self.cut, self.systems, latents)
+        image, total = np.zeros(self.shape, np.float32), np.zeros(self.shape[1], np.float32)
+        for tile, ss, ls in zip(self.cut, self.systems, latents, strict=True):
+            weight = tile.weight(OVERLAP)
+            total[tile.first : tile.last] += weight
+            for c, (s, latent) in enumerate(zip(ss, ls, strict=True)):
+                image[:, tile.first : tile.last, c] += weight * s.crop(latent)
+        return image / total[:, None]
 
     def unexplained(self, latents: list[list[np.ndarray]]) -> float:
         """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
-        return unexplained(self, latents)
+        total = count = 0.0
+        for system, latent in ((s, latent) for each in zip(self.systems, latents, strict=True) for s, latent in zip(*each, strict=True)):
+            op = system.op
+            blurred = op.image(op.forward(op.spectrum(latent)))[:, op.left : op.left + op.cols]
+            down, across = min(RIM, op.rows // 4), min(RIM, op.cols // 4)
+            inner = np.s_[down : op.rows - down, across : op.cols - across]
+            total += float(np.sum((system.valid * (blurred - system.frame))[inner] ** 2))
+            count += float(system.valid[inner].sum())
+        return total / max(count, 1.0)
 
     def match(self, guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
         """Which patches of a picture look like which."""
@@ -275,22 +284,6 @@ def deblur(frame: BlurredFrame, *, prior: Literal["denoiser", "tv", "draft"], mu
         yield 0.5 * (image + smooth)
 
 
-def unexplained(
-    frame: TiledFrame,
-    latents: Sequence[Sequence[np.ndarray]],  # each (latent rows, period) of its tile
-) -> float:
-    """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
-    total = count = 0.0
-    for system, latent in ((s, latent) for each in zip(frame.systems, latents, strict=True) for s, latent in zip(*each, strict=True)):
-        op = system.op
-        blurred = op.image(op.forward(op.spectrum(latent)))[:, op.left : op.left + op.cols]
-        down, across = min(RIM, op.rows // 4), min(RIM, op.cols // 4)
-        inner = np.s_[down : op.rows - down, across : op.cols - across]
-        total += float(np.sum((system.valid * (blurred - system.frame))[inner] ** 2))
-        count += float(system.valid[inner].sum())
-    return total / max(count, 1.0)
-
-
 def _towards(
     system: TileSystem, latent: Float[np.ndarray, "latent_rows period"], target: Float[np.ndarray, "rows cols"], ridge: float
 ) -> Float[np.ndarray, "latent_rows period"]:
@@ -301,19 +294,3 @@ def _towards(
     system.crop(aim)[:] = target
     data = system.complete(op.image(op.forward(op.spectrum(latent))))
     return op.image(factor.solve(op.adjoint(op.spectrum(data)) + np.float32(ridge) * op.spectrum(aim)))
-
-
-def _blended(
-    cut: list[Tile],
-    systems: list[list[TileSystem]],
-    latents: list[list[np.ndarray]],  # each (latent rows, period) of its tile
-) -> Float[np.ndarray, "rows cols channels"]:
-    """The tiles' latent images joined over their overlaps by linear weights."""
-    rows, cols, channels = systems[0][0].op.rows, cut[-1].last, len(systems[0])
-    image, total = np.zeros((rows, cols, channels), np.float32), np.zeros(cols, np.float32)
-    for tile, ss, ls in zip(cut, systems, latents, strict=True):
-        weight = tile.weight(OVERLAP)
-        total[tile.first : tile.last] += weight
-        for c, (s, latent) in enumerate(zip(ss, ls, strict=True)):
-            image[:, tile.first : tile.last, c] += weight * s.crop(latent)
-    return image / total[:, None]

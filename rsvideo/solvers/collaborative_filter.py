@@ -55,9 +55,16 @@ class Matches:
 
 @no_type_check
 @njit(cache=True)
-def _sought(dy, dx):
+def sought(dy, dx):
     """Whether a patch so far away is a candidate: all near ones are, and every other row and column beyond them."""
     return max(abs(dy), abs(dx)) <= CLOSE or (dy % 2 == 0 and dx % 2 == 0)
+
+
+@no_type_check
+@njit(cache=True)
+def of_colour(place, count):
+    """Whether a colour difference has a reference patch at one of so many places along a side, too."""
+    return place % COLOUR_STRIDE == 0 or place == count - 1
 
 
 @no_type_check
@@ -75,7 +82,7 @@ def _search(first, last, guide, ys, xs, offsets):
             z = y + dy
             for dx in range(-REACH, REACH + 1):
                 left, right = max(0, -dx), min(cols, cols - dx)
-                if right - left < PATCH or (dy == 0 and dx == 0) or not _sought(dy, dx):
+                if right - left < PATCH or (dy == 0 and dx == 0) or not sought(dy, dx):
                     continue
                 a0, a1, a2, a3 = guide[y, left:right], guide[y + 1, left:right], guide[y + 2, left:right], guide[y + 3, left:right]
                 a4, a5, a6, a7 = guide[y + 4, left:right], guide[y + 5, left:right], guide[y + 6, left:right], guide[y + 7, left:right]
@@ -272,10 +279,10 @@ def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, end
             done[:] = 0
             weight[:] = 0
             for iy in range(s * _STRIP, min(len(ys), (s + 1) * _STRIP)):
-                if c and iy % COLOUR_STRIDE and iy != len(ys) - 1:
+                if c and not of_colour(iy, len(ys)):
                     continue
                 for ix in range(len(xs)):
-                    if c and ix % COLOUR_STRIDE and ix != len(xs) - 1:
+                    if c and not of_colour(ix, len(xs)):
                         continue
                     y, x, to = ys[iy] - tops[s], xs[ix], offsets[iy, ix]
                     _gather(table, to, y, x, count, g)
@@ -309,7 +316,7 @@ def places(length: int) -> Int[np.ndarray, " places"]:
 def groups_hold(rows: int, cols: int) -> int:
     """How many patches a group of an image has, a power of two: in a corner there are fewest candidates."""
     corner = product(range(min(rows - PATCH, REACH) + 1), range(min(cols - PATCH, REACH) + 1))
-    return min(GROUP, 1 << sum(_sought(dy, dx) for dy, dx in corner).bit_length() - 1)
+    return min(GROUP, 1 << sum(sought(dy, dx) for dy, dx in corner).bit_length() - 1)
 
 
 def _planes(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "channels rows cols"]:

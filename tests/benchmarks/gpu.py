@@ -23,10 +23,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import published
-import skimage.data
+import speed
 
 from rsvideo.gpu import device
 
@@ -41,7 +40,7 @@ from rsvideo.physics import simulate
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
+from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration import device_frame, nonblind
 from rsvideo.restoration.settings import Settings
@@ -82,31 +81,16 @@ class Stage(NamedTuple):
 
 
 def case(cols: int, rows: int, blur: float) -> Case:
-    """Pictures of scikit-image side by side, mirrored to the size, blurred along a path that is `blur` px long within one exposure."""
+    """A detailed picture, blurred along a path whose longest PSF spans `blur` px."""
     timing = ShutterTiming.from_readout(exposure=EXPOSURE, readout=READOUT, rows=rows)
     camera = Intrinsics.centred(focal=FOCAL * max(cols, rows), rows=rows, cols=cols)
-    longest = _length(_path(timing, PATH), timing)
-    path = _path(timing, PATH * blur / longest)
-    margin = int(2 * blur) + 16
-    pair = np.concatenate(
-        [cv2.resize(p, (512, 512), interpolation=cv2.INTER_AREA) for p in (skimage.data.astronaut(), skimage.data.coffee())], 1
-    )
-    wide = [(0, max(0, rows + 2 * margin - 512)), (0, max(0, cols + 2 * margin - 1024)), (0, 0)]
-    scene = (np.pad(pair, wide, "symmetric")[: rows + 2 * margin, : cols + 2 * margin] / 255) ** 2.2
-    made = simulate.render(
-        scene, camera=camera, timing=timing, trajectory=path, noise=Noise.at_half(NOISE), rng=np.random.default_rng(0), samples=24
-    )
+    drawn = Polynomial(t0=0.0, t1=timing.interval[1], coefficients=PATH)
+    path = simulate.scaled_to(blur, camera=camera, timing=timing, trajectory=drawn)
+    down, across = simulate.margin(camera=camera, timing=timing, trajectory=path)
+    sharp = speed.scene(cols + 2 * across, rows + 2 * down)[..., ::-1]
+    shot = {"camera": camera, "timing": timing, "trajectory": path, "noise": Noise.at_half(NOISE), "rng": np.random.default_rng(0)}
+    made = simulate.render((sharp / 255) ** 2.2, **shot, samples=24)
     return Case(made.blurred, made.truth, Camera(timing=timing, intrinsics=camera), path)
-
-
-def _path(timing: ShutterTiming, coefficients: np.ndarray) -> Trajectory:
-    return centred(Polynomial(t0=0.0, t1=timing.interval[1], coefficients=coefficients), timing.middle)
-
-
-def _length(path: Trajectory, timing: ShutterTiming) -> float:
-    """px that the path covers within one exposure at most."""
-    poses = path.at(timing.sample_times(24))[..., :2]
-    return float(np.linalg.norm(np.diff(poses, axis=1), axis=-1).sum(axis=1).max())
 
 
 def stages(frame: DeviceFrame) -> Iterator[Stage]:

@@ -12,7 +12,7 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred, fit, still
-from rsvideo.restoration.nonblind import OVERLAP, TileSystem, _blended, deblur, tile_system, tiled, total_variation, unexplained
+from rsvideo.restoration.nonblind import OVERLAP, TiledFrame, TileSystem, deblur, tile_system, tiled, total_variation
 from rsvideo.restoration.parallax import Flow
 
 ROWS, COLS = 96, 192
@@ -166,7 +166,7 @@ def test_tiles_of_one_image_blend_into_it(count):
         system.crop(latent)[:] = part
         systems.append([system])
         latents.append([latent])
-    np.testing.assert_allclose(_blended(cut, systems, latents)[..., 0], whole, atol=1e-6)
+    np.testing.assert_allclose(TiledFrame(cut=cut, systems=systems).blended(latents)[..., 0], whole, atol=1e-6)
 
 
 def test_no_seam_shows_between_tiles():
@@ -177,7 +177,7 @@ def test_no_seam_shows_between_tiles():
         part = np.zeros((ROWS, tile.last - tile.first), np.float32)
         systems.append([tile_system(np.zeros((ROWS, 1, 2)), part, np.ones_like(part))])
     ones = [[np.full((ss[0].op.latent_rows, ss[0].op.period), float(i), np.float32)] for i, ss in enumerate(systems)]
-    ramp = _blended(cut, systems, ones)[0, :, 0]
+    ramp = TiledFrame(cut=cut, systems=systems).blended(ones)[0, :, 0]
     assert ramp[0] == 0
     assert ramp[-1] == 1
     assert np.diff(ramp).min() >= 0
@@ -194,7 +194,7 @@ def test_what_no_latent_image_explains_is_counted_where_it_was_observed() -> Non
     noisy[40:50] = 1.0
     cut = tiled(noisy, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
     flat = [[np.full((s.op.latent_rows, s.op.period), 0.5, np.float32) for s in each] for each in cut.systems]
-    assert unexplained(cut, flat) == pytest.approx(0.03**2, rel=0.05)
+    assert cut.unexplained(flat) == pytest.approx(0.03**2, rel=0.05)
 
 
 def test_blocks_that_compression_leaves_ring_less_than_noise_alone_would_let_them() -> None:
