@@ -11,10 +11,19 @@ Motion = Literal["rotation", "shift"]
 Start = Literal["spectra", "kernels", "tracing"]
 Refinement = Literal["sparsity", "alternation"]
 Prior = Literal["denoiser", "tv"]
+Quality = Literal["draft", "normal", "best"]
 Frames = Literal["together", "alone", "cold"]
 Device = Literal["auto", "cpu", "cuda"]
 
-_CHOICES = {"motion": Motion, "start": Start, "refinement": Refinement, "prior": Prior, "frames": Frames, "device": Device}
+_CHOICES = {
+    "motion": Motion,
+    "start": Start,
+    "refinement": Refinement,
+    "prior": Prior,
+    "quality": Quality,
+    "frames": Frames,
+    "device": Device,
+}
 _MOTION, _DEBLUR = request.Motion(), request.Deblur()  # their defaults
 
 
@@ -29,6 +38,7 @@ class Settings:
             ("kernels"), or the paper's tracing of these ("tracing").
         refinement: How it is refined: with the latent image eliminated ("sparsity"), or by the paper's Algorithm 1 ("alternation").
         prior: What a sharp picture is taken to look like: "denoiser" (collaborative filtering), or the paper's total variation, "tv".
+        quality: How much work a frame gets: "draft", "normal" or "best".
         frames: Of a clip: each restored with its neighbours ("together"), along the clip's path only ("alone"), or as a still ("cold").
         device: What restores: "cpu", "cuda" (an NVIDIA GPU, by the extra gpu), or "auto", a GPU if there is one.
 
@@ -49,6 +59,7 @@ class Settings:
     start: Start = _MOTION.start
     refinement: Refinement = _MOTION.refinement
     prior: Prior = _DEBLUR.prior
+    quality: Quality = _DEBLUR.quality
     frames: Frames = _DEBLUR.frames
     device: Device = _DEBLUR.device
 
@@ -63,10 +74,16 @@ class Settings:
 
     def of_deblur(self) -> dict[str, object]:
         """What a request says of the sharp picture."""
-        return {"prior": self.prior, "frames": self.frames, "device": self.device}
+        return {"prior": self.prior, "quality": self.quality, "frames": self.frames, "device": self.device}
 
     def core(self) -> RestorationSettings:
         """The same for the room that restores."""
         return RestorationSettings(
-            motion=self.motion, degree=self.degree, start=self.start, refinement=self.refinement, prior=self.prior, frames=self.frames
+            motion=self.motion,
+            degree=self.degree,
+            start=self.start,
+            refinement=self.refinement,
+            prior=self.prior,
+            quality=self.quality,
+            frames=self.frames,
         )

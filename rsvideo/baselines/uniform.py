@@ -84,7 +84,7 @@ def samples(kernel: Float[np.ndarray, "k k"]) -> tuple[Float[np.ndarray, "n 2"],
 
 def solved(blurred: nonblind.TiledFrame, settings: Settings, noise: float) -> Float[np.ndarray, "rows cols channels"]:
     """The latent image as `restoration.single_frame` solves for it."""
-    *_, latent = nonblind.deblur(blurred, prior=settings.prior, mu=settings.final_mu, noise=noise)
+    *_, latent = nonblind.deblur(blurred, settings, noise)
     return latent
 
 

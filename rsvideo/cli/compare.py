@@ -53,7 +53,7 @@ _FORMATS: dict[str, "Format"] = {".md": "markdown", ".tex": "latex", ".csv": "cs
         "input.range",
         "input.rate",
         "encoding.codec",
-        "encoding.quality",
+        "encoding.crf",
     ),
 )
 def compare(

@@ -34,6 +34,9 @@ def deblur(
     output: Annotated[Path, Option("-o", "--output", metavar="OUTPUT", help="Where to write; the ending names the format. - is a pipe.")],
     given: options.Given,
     threads: options.Threads = None,
+    preview: Annotated[
+        bool, Option("--preview", help="A quick draft: of a clip, the middle frame; of large pictures, at half size. OUTPUT is a picture.")
+    ] = False,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace OUTPUT and its sidecar.")] = False,
     json: Annotated[bool, Option("--json", help="Print the sidecar on standard output.")] = False,
 ) -> None:
@@ -44,7 +47,9 @@ def deblur(
     """
     options.use_threads(threads)
     with refusing():
-        request = options.request(source, output, given, overwrite=overwrite)
+        request = options.request(source, output, given, overwrite=overwrite).replaced(preview=preview)
+        if json and preview:
+            raise ValueError("--json prints the sidecar, a preview has none; leave one of them out")
         if json and media.is_pipe(output):
             raise ValueError("--json prints on standard output, OUTPUT - writes pictures there; give one of them")
         with pipes.piped(request) as piped:

@@ -175,6 +175,7 @@ class Deblur(Section):
         Option(help="Restored with their neighbours, along the clip's path only, or each as a still.", clips_only=True),
     ] = "together"
     prior: Annotated[Literal["denoiser", "tv"], Option(help="What a sharp picture is taken to look like.")] = "denoiser"
+    quality: Annotated[Literal["draft", "normal", "best"], Option(help="How much work a frame gets: seconds against decibels.")] = "normal"
     device: Annotated[
         Literal["auto", "cpu", "cuda"], Option(help="What restores; auto takes an NVIDIA GPU if the extra gpu finds one.")
     ] = "auto"
@@ -184,7 +185,7 @@ class Encoding(Section):
     """How the result is written; what is left out is as in the source."""
 
     codec: Annotated[Codec, Option(help="png, tiff and exr write folders of pictures.", clips_only=True)] = "same"
-    quality: Annotated[
+    crf: Annotated[
         float | None, Field(ge=0, le=63), Option(help="Constant rate factor of h264 and hevc.", unless="visually lossless", clips_only=True)
     ] = None
     pixel_format: Annotated[
@@ -281,6 +282,7 @@ class Request(Sections):
     output: Path
     overwrite: bool = False
     motion_only: bool = False  # OUTPUT is the motion's sidecar, and no picture is written
+    preview: bool = False  # OUTPUT is a picture of one frame, and no sidecar is written
     measured: Measured | None = None  # once the request is prepared
     origin: Origin | None = None  # the object that the source is a copy of
 
@@ -314,7 +316,7 @@ class Request(Sections):
         """All that is written."""
         if media.is_pipe(self.output):
             return ()
-        if self.motion_only:
+        if self.motion_only or self.preview:
             return (self.output,)
         return (self.output, self.record, self.log) if self.is_clip else (self.output, self.record)
 

@@ -42,6 +42,10 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
 
 def _kind(task: Task) -> ModuleType:
     """The module that reads and writes a source of this kind."""
+    if task.request.preview:
+        from rsvideo.pipeline import preview
+
+        return preview
     if task.request.is_clip:
         from rsvideo.pipeline import clip
 

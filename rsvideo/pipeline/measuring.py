@@ -33,6 +33,12 @@ def needed(given: Stated, sources: Sources) -> bool:
     return typed or timing.exposure_of(given, sources)[0] is None or readout_unknown(given, sources)
 
 
+def unstated(given: Stated, sources: Sources) -> bool:
+    """Whether nobody states the exposure, or nobody the readout."""
+    exposure = given.exposure is not None or given.shutter_angle is not None or timing.exposure_of(given, sources)[0] is not None
+    return not exposure or readout_unknown(given, sources)
+
+
 def readout_unknown(given: Stated, sources: Sources) -> bool:
     """Whether nobody states the readout: a frame's period is only its upper bound."""
     readout, _ = timing.readout_of(given, sources)

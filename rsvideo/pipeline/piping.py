@@ -58,8 +58,8 @@ def _check_output(request: Request) -> None:
     if not request.is_clip or request.motion_only:
         what = "a sidecar is" if request.motion_only else f"{request.source} is taken for a photograph, which is"
         raise ValueError(f"OUTPUT - is a pipe of a clip's pictures, {what} written to a file")
-    if encoding.codec != "same" or encoding.quality is not None:
-        raise ValueError(f"{'--codec' if encoding.codec != 'same' else '--quality'} concerns files, OUTPUT - carries {request.pipe.format}")
+    if encoding.codec != "same" or encoding.crf is not None:
+        raise ValueError(f"{'--codec' if encoding.codec != 'same' else '--crf'} concerns files, OUTPUT - carries {request.pipe.format}")
     if request.motion.path == "smooth":
         raise ValueError("--path smooth must be written to a file, the path is smoothed when all of it is found; OUTPUT is -")
 

@@ -174,7 +174,9 @@ def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Re
     if request.measured is None:
         from rsvideo.pipeline import measuring
 
-        request = request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
+        if request.preview and not measuring.unstated(request.camera, opened.shutter):  # a preview shows what is stated, a job checks it
+            return request, opened
+        request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
     return request, replace(opened, shutter=replace(opened.shutter, measured=request.measured))
 
 
@@ -194,6 +196,8 @@ def check(request: Request) -> None:
     piping.check(request)
     if request.motion_only:
         _check_motion(request)
+    elif request.preview and request.is_clip:
+        _check_preview(request)
     elif not request.is_clip:
         taken = f"{request.source} is taken for a photograph"
         if wrong := next(iter(request.of_clips()), None):
@@ -221,6 +225,13 @@ def _check_motion(request: Request) -> None:
     output.check_kind(request.output, folder=False)
 
 
+def _check_preview(request: Request) -> None:
+    if media.is_pipe(request.source):
+        raise ValueError("a preview is of a frame from the middle of INPUT, - is a pipe, which is read in order; give a file")
+    Format.of_output(request.output)
+    output.check_kind(request.output, folder=False)
+
+
 def _opened(request: Request, piped: "Stream | None") -> Take:
     if not request.is_clip:
         return take.of_photograph(request)
@@ -239,13 +250,13 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     from rsvideo.video.part import Part
 
     first, last = clip_facts.frame_range(opened.source, request.input.range)
-    if request.motion_only:
+    if request.motion_only or request.preview:
         return first, last, None, ()
     wanted, layout = request.encoding, request.encoding.pixel_format
     if opened.source.bare and request.pipe.format == "rawvideo" and not media.is_pipe(request.output):
         layout = "same"  # for the pipe's own is what was stated
     codec = request.pipe.format if media.is_pipe(request.output) else wanted.codec
-    encoding = Encoding(codec=codec, quality=wanted.quality, pixel_format=layout)
+    encoding = Encoding(codec=codec, crf=wanted.crf, pixel_format=layout)
     codec, _, notes = chosen(request.output, opened.source, encoding)
     output.check_kind(request.output, folder=codec in SEQUENCES)
     if codec in SEQUENCES:
@@ -265,6 +276,7 @@ def settings_of(request: Request) -> Settings:
         start=motion.start,
         refinement=motion.refinement,
         prior=deblur.prior,
+        quality=deblur.quality,
         frames=deblur.frames,
         device=devices.chosen(deblur.device, deblur.method),
     )

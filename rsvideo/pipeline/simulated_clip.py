@@ -27,7 +27,7 @@ from rsvideo.video.stream import Picture, Stream
 from rsvideo.video.writer import Writer
 
 CLIP, TRUTH, FACTS = "clip.mp4", "truth.mp4", "case.json"
-_TRUTH_QUALITY = 4.0  # constant rate factor: finer than the clip's own, which is a camera's
+_TRUTH_CRF = 4.0  # constant rate factor: finer than the clip's own, which is a camera's
 _ASTRAY = 0.25  # of a frame's points, from which on its interpolation is poor; at full trust it is what motion covers
 _BYTES_A_PIXEL, _BYTES_A_SOURCE_PIXEL = 700, 100  # of a frame that is made, with two encoders' lookahead; and of one that is decoded
 
@@ -199,7 +199,7 @@ def _made(plan: Plan, folder: Path, observe: Observer) -> tuple[np.ndarray, np.n
     count, rng = plan.target.frames, np.random.default_rng([plan.filming.seed, 1])  # a photograph's noise has the same stream
     film = filmed(_sharp(plan), plan.pace, frames=count, noise=plan.noise, rng=rng)
     clip = Writer(folder / CLIP, plan.target, Encoding(codec="h264"))
-    truth = Writer(folder / TRUTH, plan.target, Encoding(codec="h264", quality=_TRUTH_QUALITY))
+    truth = Writer(folder / TRUTH, plan.target, Encoding(codec="h264", crf=_TRUTH_CRF))
     blur, astray = np.zeros(count), np.zeros(count)
     with clip, truth:
         for k, shot in enumerate(film):

@@ -37,7 +37,6 @@ from rsvideo.restoration.trust import SHORT, run_share, vote
 
 TRUST = 2e-3  # tau; origin: by trial
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
-STEPS = 6  # of L-BFGS; origin: by trial
 SPARE = 4  # evaluations beyond one a step, for line searches
 TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
 PATH_ERROR = 0.2  # px of blur by which a path may be wrong even where points bear it out; origin: by trial
@@ -54,6 +53,7 @@ class Run:
     camera: Camera  # along the scanlines
     source_camera: Camera  # as the frames are stored
     axes: int
+    steps: int  # of L-BFGS, in which blur refines the path
 
     @property
     def direction(self) -> Direction:
@@ -104,7 +104,8 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
             scenes.append(windowed(scene, COLS))
         observe(Progress(stage="motion", fraction=0.0, frame=frame.index))
     upright = camera.along_scanlines()
-    return Run(begins=np.array(begins), scenes=scenes, links=links, camera=upright, source_camera=camera, axes=settings.axes)
+    how = {"axes": settings.axes, "steps": settings.effort.blur_steps}
+    return Run(begins=np.array(begins), scenes=scenes, links=links, camera=upright, source_camera=camera, **how)
 
 
 def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
@@ -112,11 +113,11 @@ def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
     return follow(run.links, run.begins, run.camera, run.axes, about=about)
 
 
-def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"], *, steps: int = STEPS) -> CameraPath:
-    """The path refined by the blur of those of the `frames` that are blurred, in so many steps."""
+def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
+    """The path refined by the blur of those of the `frames` that are blurred."""
     timing = run.camera.timing
     blurred = [k for k in np.flatnonzero(frames) if exposure_length(path.spline, run.begins[k], timing) > BLURRED]
-    return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=steps) if blurred else path
+    return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=run.steps) if blurred else path
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:

@@ -24,7 +24,6 @@ from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
 from rsvideo.restoration.trust import LONG, trust
 
-NEIGHBOURS = 3  # frames on either side that a frame is restored with; origin: by trial
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # px, from which on it is fully restored
 TIMES = 33  # at which a frame's path is followed to see how far it leads
@@ -64,9 +63,9 @@ def restored(
     A frame without a trajectory in `movement`, which is in image axes, is restored by itself, blindly. A frame that moves by less
     than STILL px is left as it was, and up to MOVING px it is mixed with what becomes of it, so that nothing flickers. A motion
     that was estimated is followed as far as `trust` says; elsewhere the frame is rectified only. A motion that is given is followed
-    as it is. At most 2 NEIGHBOURS + 1 frames are kept.
+    as it is. At most 2 n + 1 frames are kept, n the neighbours on either side.
     """
-    reach = NEIGHBOURS if settings.frames == "together" else 0
+    reach = settings.effort.neighbours if settings.frames == "together" else 0
     movement = movement.along_scanlines(camera.timing.direction)
     poses = np.vstack([np.zeros((1, movement.steps.shape[1])), np.cumsum(movement.steps[:-1], axis=0)])
     group = np.cumsum([0, *(not t for t in movement.tied[:-1])])

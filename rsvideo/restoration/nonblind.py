@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,6 +21,7 @@ from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.parallax import Flow, displacement
+from rsvideo.restoration.settings import Settings
 from rsvideo.solvers.banded import BandedHermitian
 from rsvideo.solvers.collaborative_filter import Matches, denoise, match
 from rsvideo.solvers.differences import Differences
@@ -28,8 +29,6 @@ from rsvideo.solvers.total_variation import LatentUpdate
 from rsvideo.solvers.total_variation import total_variation as admm
 
 OVERLAP = 24  # columns over which neighbouring tiles are blended; origin: by trial
-TV_STEPS = 50  # of ADMM where total variation is the prior
-TV_FIRST_STEPS = 20  # and where it is what the denoiser starts from
 TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term; origin: by trial
 TV_FLOOR = 1e-5  # added to the normal matrix, which keeps it positive definite where no scanline samples it
 LIFT = 0.01  # the denoiser works on sqrt(l + LIFT): codes weigh shadows as eyes do, and shot noise evens out
@@ -39,7 +38,6 @@ FINEST_NOISE = 1.25  # times the noise: the last strength; origin: by trial
 UNEXPLAINED = 10.0  # weight of the residual's power beyond the noise's; chosen, as the next, on half of a corpus of photographs
 EXPLAINED = 1.5  # times the noise's power, which total variation leaves where the model holds: 0.6 to 1.5
 RIM = 16  # rows and columns along a tile's sides, a quarter at most, where the residual is not measured; origin: by trial
-SPLITTINGS = 6  # denoisings; origin: by trial
 MATCHED = 2  # splittings that share their matches: which patches look alike changes slowly
 
 
@@ -257,22 +255,20 @@ def tiled_from(
     return TiledFrame(cut=cut, systems=systems)
 
 
-def deblur(frame: BlurredFrame, *, prior: Literal["denoiser", "tv", "draft"], mu: float, noise: float) -> Iterator[Any]:
-    """The latent image after each splitting step (one step for total variation), at the pose where the trajectory is 0.
+def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[Any]:
+    """The latent image under total variation, and after each splitting step, at the pose where the trajectory is 0.
 
-    A draft is what the denoiser would start from. The image is the frame's kind of picture; `frame.to_host` makes an array of it.
-
-    mu weighs total variation (alone, or as the start of the denoiser's splitting); noise is its standard deviation in linear light,
-    and counts for more where the blur's model leaves more unexplained, as with pictures that were compressed.
+    The image is the frame's kind of picture; `frame.to_host` makes an array of it. `noise` is its standard deviation in linear
+    light, and counts for more where the blur's model leaves more unexplained, as with pictures that were compressed.
     """
-    latents = frame.total_variation(mu, steps=TV_STEPS if prior == "tv" else TV_FIRST_STEPS)
+    latents = frame.total_variation(settings.final_mu, steps=settings.tv_steps)
     image = frame.blended(latents)
     yield image
-    if prior != "denoiser":
+    if not settings.splittings:
         return
     noise = math.sqrt(noise**2 + UNEXPLAINED * max(frame.unexplained(latents) - EXPLAINED * noise**2, 0))
     pilot = matches = None
-    for step, sigma in enumerate(np.geomspace(max(COARSEST, COARSEST_NOISE * noise), FINEST_NOISE * noise, SPLITTINGS)):
+    for step, sigma in enumerate(np.geomspace(max(COARSEST, COARSEST_NOISE * noise), FINEST_NOISE * noise, settings.splittings)):
         root = np.sqrt(np.maximum(image, 0) + LIFT)
         strength = float(sigma / (2 * np.median(root)))
         pilot = frame.denoise(root, strength) if pilot is None else pilot

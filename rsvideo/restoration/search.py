@@ -20,7 +20,6 @@ from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
 
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
-HEATS = ((3, False, 6), (5, False, 4), (5, True, 6))  # steps, on all columns?, how many paths go on; origin: by trial
 SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, and spectra may mislead; about the true path only is a dip
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
 LAST_SPECTRA = 0.1  # weight of the spectra's misfit beside the focus
@@ -46,7 +45,7 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
     coarse = halved(trial) if longest(part.camera, paths[0]) > COARSE_REACH else trial
     belief = replace(belief, weight=SPECTRA)
     running = [_Runner(trajectory=path) for each in paths for path in (each, mirrored(each))]
-    for i, (steps, wide, most) in enumerate(HEATS):
+    for i, (steps, wide, most) in enumerate(settings.effort.heats):
         yield Estimate(stage="candidate paths", fraction=FOUND + HEAT * i, trajectory=running[0].trajectory)
         where = part if wide else coarse if i == 0 else trial
         running = sorted(threads.each(partial(_Runner.ahead, scene=where, belief=belief, steps=steps), running), key=lambda r: r.value)

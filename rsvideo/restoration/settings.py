@@ -3,8 +3,28 @@
 from dataclasses import dataclass
 from typing import Literal
 
+Quality = Literal["draft", "normal", "best"]
 MOST_DEGREE = 12  # of the path: one frame does not determine more
 DENOISER_MU = 5e-4  # weight of total variation in the image that the denoiser's splitting starts from; origin: by trial
+TV_FIRST_STEPS = 20  # of ADMM for that image; origin: by trial
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How much work a frame gets. All are by trial; the page of results has seconds beside decibels."""
+
+    heats: tuple[tuple[int, bool, int], ...]  # of a still's candidate paths: steps, on all columns?, how many go on
+    blur_steps: int  # of L-BFGS, in which blur refines a clip's path
+    neighbours: int  # frames on either side that one of a clip is restored with
+    tv_steps: int  # of ADMM where total variation is the prior
+    splittings: int  # denoisings of the final image; 0: the image that they start from
+
+
+EFFORTS: dict[Quality, Effort] = {
+    "draft": Effort(heats=((3, False, 4), (5, True, 4)), blur_steps=2, neighbours=1, tv_steps=TV_FIRST_STEPS, splittings=0),
+    "normal": Effort(heats=((3, False, 6), (5, False, 4), (5, True, 6)), blur_steps=6, neighbours=3, tv_steps=50, splittings=6),
+    "best": Effort(heats=((3, False, 12), (5, False, 8), (5, True, 8)), blur_steps=12, neighbours=5, tv_steps=100, splittings=12),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,7 +35,8 @@ class Settings:
     degree: int = 4  # P; a quartic fits 40 ms of measured hand shake to 0.004-0.035 px RMS, a cubic to several times that
     start: Literal["spectra", "kernels", "tracing"] = "spectra"  # the first trajectory: of patches, of strips with PSFs, or traced
     refinement: Literal["sparsity", "alternation"] = "sparsity"  # latent image eliminated, or the paper's Algorithm 1
-    prior: Literal["denoiser", "tv", "draft"] = "denoiser"
+    prior: Literal["denoiser", "tv"] = "denoiser"
+    quality: Quality = "normal"
     samples: int = 30  # K, path samples an exposure (the paper's, Sec. 5); a longer path takes one a pixel
     mu: float = 1e-2  # the alternation's first weight of total variation (Sec. 5)
     mu_factor: float = 0.7  # tau (Sec. 5)
@@ -35,6 +56,21 @@ class Settings:
     def axes(self) -> int:
         """Of a path: yaw, pitch and roll, or the paper's shift."""
         return 3 if self.motion == "rotation" else 2
+
+    @property
+    def effort(self) -> Effort:
+        """How much work a frame gets."""
+        return EFFORTS[self.quality]
+
+    @property
+    def splittings(self) -> int:
+        """Denoisings of the final image."""
+        return 0 if self.prior == "tv" else self.effort.splittings
+
+    @property
+    def tv_steps(self) -> int:
+        """Of ADMM, for the final image or for what the denoiser starts from."""
+        return self.effort.tv_steps if self.prior == "tv" else TV_FIRST_STEPS
 
     @property
     def final_mu(self) -> float:

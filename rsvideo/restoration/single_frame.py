@@ -91,9 +91,9 @@ def restored(
     path, latent = centred(found.trajectory, timing.middle), view.pixels
     if found.verdict is Verdict.RESTORED:
         frame = tiled_frame(view, path, settings, flow)
-        images = nonblind.deblur(frame, prior=settings.prior, mu=settings.final_mu, noise=view.noise if noise is None else noise)
+        images = nonblind.deblur(frame, settings, view.noise if noise is None else noise)
         for step, image in enumerate(images):
-            latent, done = image, min(step / nonblind.SPLITTINGS, 1)
+            latent, done = image, step / max(settings.splittings, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
         latent = frame.to_host(latent)
     seconds = time.monotonic() - started

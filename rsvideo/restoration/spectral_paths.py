@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
-from scipy.signal import argrelmin
 
 from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory, fit, still
@@ -148,7 +147,7 @@ def turns(path: Trajectory, times: Float[np.ndarray, " n"]) -> Iterator[Trajecto
     place = path.at(times)
     speed = np.linalg.norm(np.gradient(place, times, axis=0)[:, :2], axis=1)
     inner = speed[END:-END]
-    slow = argrelmin(inner, mode="clip")[0]
+    slow = 1 + np.flatnonzero((inner[1:-1] < inner[:-2]) & (inner[1:-1] < inner[2:]))
     for k in END + slow[np.argsort(inner[slow])][:TURNED]:
         turned = np.where(np.arange(len(times))[:, None] < k, place, 2 * place[k] - place)
         yield path.with_coefficients(fit(path, times, turned).coefficients)

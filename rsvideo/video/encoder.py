@@ -71,7 +71,7 @@ def _layout(colour: Colour) -> str:
 
 
 def _options(encoding: Encoding, codec: str, colour: Colour, stream: Stream, frames: int) -> dict[str, str]:
-    crf = f"{_CRF.get(codec, 0.0) if encoding.quality is None else encoding.quality:g}"
+    crf = f"{_CRF.get(codec, 0.0) if encoding.crf is None else encoding.crf:g}"
     ahead = lookahead(codec, stream.rows, stream.cols)
     match codec:
         case "h264":

@@ -30,7 +30,7 @@ class Encoding:
     """How a clip is to be written."""
 
     codec: Codec | Pipe = "same"
-    quality: float | None = None  # constant rate factor of H.264 and HEVC; None is visually lossless
+    crf: float | None = None  # constant rate factor of H.264 and HEVC; None is visually lossless
     pixel_format: str = "same"  # FFmpeg's name
     threads: int = 2
 

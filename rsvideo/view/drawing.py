@@ -6,13 +6,12 @@ from jaxtyping import Float
 
 from rsvideo.comparison.decoded import Light
 from rsvideo.config.sidecar import FrameRecord, Sidecar
-from rsvideo.physics import tone
-from rsvideo.physics.tone import Tone, Transfer
+from rsvideo.physics.tone import Tone
+from rsvideo.pipeline.preview import on_screen
 from rsvideo.report import plots
 
 File = tuple[str, bytes]  # media type and content
 
-_AS_STORED = (Transfer.SRGB, Transfer.BT709, Transfer.GAMMA22, Transfer.GAMMA28)  # curves near enough to a screen's own
 _QUALITY = 85  # of WebP, of 100
 MOST_SIDE = 2560  # px of a picture on a page
 _HEAT = 0.06  # of white, that is drawn as the hottest
@@ -31,9 +30,7 @@ _STYLE = (
 
 def shown(light: Float[np.ndarray, "rows cols channels"], transfer: Tone | None, turns: int) -> File:
     """Linear light as WebP, turned upright by quarters."""
-    curve = transfer if isinstance(transfer, Transfer) and transfer in _AS_STORED else Transfer.SRGB
-    codes = tone.encode(curve, np.clip(light, 0, 1).astype(np.float32))
-    return webp(np.clip(np.rint(255 * codes), 0, 255).astype(np.uint8), turns)
+    return webp(on_screen(light, transfer), turns)
 
 
 def webp(picture: np.ndarray, turns: int = 0, *, most: int = MOST_SIDE) -> File:

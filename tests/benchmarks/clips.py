@@ -14,6 +14,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -44,6 +45,20 @@ def unsteadiness(frames: Sequence[np.ndarray], poses: np.ndarray, camera: Intrin
     return float(10 * np.log10(np.mean(squares)))
 
 
+def restored(case: Path, output: Path, options: Sequence[str | Path] = ()) -> tuple[list[dict[str, Any]], np.ndarray]:
+    """The sidecar's frames, and each frame's PSNR before and after, in dB; ends the program where the command fails."""
+    facts = json.loads((case / "case.json").read_text())
+    words = ["rsvideo", "deblur", case / "clip.mp4", "-o", output, "--exposure", facts["exposure_s"], "--readout", facts["readout_s"]]
+    words += ["--focal-px", facts["focal_px"], "--overwrite", "--json", *options]
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=7200)
+    if done.returncode:
+        sys.exit(f"{case.name}: {done.stderr}")
+    truth, before, after = (luma(path) for path in (case / "truth.mp4", case / "clip.mp4", output))
+    if not len(truth) == len(before) == len(after):
+        sys.exit(f"{case.name}: {len(truth)} true, {len(before)} blurred and {len(after)} restored frames")
+    return json.loads(done.stdout)["frames"], np.array([(psnr(b, s), psnr(a, s)) for b, a, s in zip(before, after, truth, strict=True)])
+
+
 def main() -> None:
     """Run, and print a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -61,14 +76,9 @@ def main() -> None:
     for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
         facts = json.loads((case / "case.json").read_text())
         output = args.output / f"{case.name}.mp4"
-        words = ["rsvideo", "deblur", case / "clip.mp4", "-o", output, "--exposure", facts["exposure_s"], "--readout", facts["readout_s"]]
-        words += ["--focal-px", facts["focal_px"], "--overwrite", "--json"]
-        words += ["--trajectory", case / "motion.csv", "--frames", "alone"] if args.known else []
-        words += ["--frames", "alone"] if args.alone else ["--frames", "cold"] if args.cold else []
-        done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=7200)
-        if done.returncode:
-            sys.exit(f"{case.name}: {done.stderr}")
-        records = json.loads(done.stdout)["frames"]
+        given = ["--trajectory", case / "motion.csv", "--frames", "alone"] if args.known else []
+        alone = ["--frames", "alone"] if args.alone else ["--frames", "cold"] if args.cold else []
+        records, values = restored(case, output, [*given, *alone])
         t, pitch, yaw, roll = np.loadtxt(case / "motion.csv", delimiter=",", skiprows=1).T
         focal = facts["focal_px"]
         path = np.stack([focal * yaw, -focal * pitch, roll], axis=1)
@@ -83,13 +93,9 @@ def main() -> None:
             )
             for r in records
         ]
-        truth, before, after = (luma(path) for path in (case / "truth.mp4", case / "clip.mp4", output))
-        if not len(truth) == len(before) == len(after):
-            sys.exit(f"{case.name}: {len(truth)} true, {len(before)} blurred and {len(after)} restored frames")
-        values = np.array([(psnr(b, s), psnr(a, s)) for b, a, s in zip(before, after, truth, strict=True)])
         camera = Intrinsics.centred(focal=focal, rows=facts["rows"], cols=facts["cols"])
         middles = pose(np.array([r["time_s"] for r in records]) + 0.5 * (facts["readout_s"] + facts["exposure_s"]))
-        steady = [unsteadiness(frames, middles, camera) for frames in (truth, before, after)]
+        steady = [unsteadiness(frames, middles, camera) for frames in map(luma, (case / "truth.mp4", case / "clip.mp4", output))]
         gain = values[:, 1] - values[:, 0]
         seconds = np.mean([r["seconds"] for r in records])
         print(

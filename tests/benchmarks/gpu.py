@@ -20,6 +20,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,7 +43,7 @@ from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration import device_frame, nonblind
+from rsvideo.restoration import device_frame, nonblind, settings
 from rsvideo.restoration.settings import Settings
 
 EXPOSURE, READOUT, FOCAL = 0.02, 0.02, 0.8  # seconds; focal length per longer side
@@ -50,7 +51,6 @@ PATH = np.array([[0.0, 0.0, 0.0], [4.0, -3.0, 0.004], [1.0, 1.5, -0.002], [-0.4,
 NOISE = 2e-3
 RUNS = 5
 ADMM_STEPS = 1 if arrays.SIMULATED else 10
-FEW = 2, 1, 2  # steps of ADMM, of them before the denoiser, and its splittings, in the simulator
 COLUMNS = {
     "case": "",
     "prior": "",
@@ -146,10 +146,9 @@ def bandwidth() -> float:
 
 def compared(name: str, shot: Case, frame: DeviceFrame, prior: Any, most_pixels: float) -> dict[str, Any]:
     """Whole frames on both."""
-    mu = Settings(prior=prior).final_mu
 
     def restored(on: Any) -> np.ndarray:
-        return on.to_host(deque(nonblind.deblur(on, prior=prior, mu=mu, noise=NOISE), maxlen=1).pop())
+        return on.to_host(deque(nonblind.deblur(on, Settings(prior=prior), NOISE), maxlen=1).pop())
 
     row: dict[str, Any] = {"case": name, "prior": prior, "tiles": len(frame.cut), "device_s": seconds(lambda: restored(frame))}
     there = restored(frame)
@@ -183,7 +182,8 @@ def main() -> None:
     args = parser.parse_args()
     if arrays.SIMULATED:
         sys.setswitchinterval(1e-5)  # its threads wait for each other all the time
-        nonblind.TV_STEPS, nonblind.TV_FIRST_STEPS, nonblind.SPLITTINGS = FEW
+        settings.TV_FIRST_STEPS = 1
+        settings.EFFORTS["normal"] = replace(settings.EFFORTS["normal"], tv_steps=2, splittings=2)
     rate = bandwidth()
     print(f"{arrays.name()}, copies {rate / 1e9:.0f} GB/s, reads and writes counted; Python {sys.version.split()[0]}\n")
     print("| case | tiles | band | stage | ms | GB at least | times its floor |\n|---|---:|---:|---|---:|---:|---:|", flush=True)

@@ -12,7 +12,7 @@ from rsvideo.config.request import Camera, Deblur, Encoding, Input, Motion, Requ
 
 def test_options_find_their_place_in_a_request() -> None:
     given = {
-        "encoding.quality": 0.0,
+        "encoding.crf": 0.0,
         "deblur.prior": "tv",
         "motion.gyro_offset": 0.0,
         "input.range": "1-2",
@@ -28,7 +28,7 @@ def test_options_find_their_place_in_a_request() -> None:
         camera=Camera(exposure=0.02, force=True),
         motion=Motion(gyro_offset=0.0),
         deblur=Deblur(method=Method.GYRO, prior="tv"),
-        encoding=Encoding(quality=0.0),
+        encoding=Encoding(crf=0.0),
     )
     assert clip.is_clip
     assert not options.request(Path("a.png"), Path("b.png"), {}).is_clip

@@ -47,7 +47,7 @@ def test_a_request_that_states_nothing_has_the_cores_own_settings(source: Path) 
     found = task(source)
     assert found.settings == Settings()
     wanted = Encoding()
-    assert output_format.Encoding(codec=wanted.codec, quality=wanted.quality, pixel_format=wanted.pixel_format) == output_format.Encoding()
+    assert output_format.Encoding(codec=wanted.codec, crf=wanted.crf, pixel_format=wanted.pixel_format) == output_format.Encoding()
     assert (found.rows, found.cols, found.timing_source, found.camera.source) == (48, 64, "explicit", "explicit")
 
 

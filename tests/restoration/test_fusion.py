@@ -11,6 +11,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.fusion import PosedImage, fused
 from rsvideo.restoration.nonblind import deblur, tiled
+from rsvideo.restoration.settings import Settings
 
 ROWS, COLS = 96, 192
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
@@ -45,7 +46,7 @@ def alone(case, coefficients):
         samples=24,
         tolerance=0.25,
     )
-    *_, latent = deblur(frame, prior="denoiser", mu=5e-4, noise=0.004)
+    *_, latent = deblur(frame, Settings(), 0.004)
     return frame, np.clip(latent, 0, 1).astype(np.float32)
 
 

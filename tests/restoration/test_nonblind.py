@@ -14,6 +14,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred, fit, still
 from rsvideo.restoration.nonblind import OVERLAP, TiledFrame, TileSystem, deblur, tile_system, tiled, total_variation
 from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.settings import Settings
 
 ROWS, COLS = 96, 192
 CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
@@ -47,9 +48,8 @@ def restored(frame, coefficients, *, clipped=None, prior: Literal["tv", "denoise
     clipped = np.zeros(frame.shape, bool) if clipped is None else clipped
     *_, last = deblur(
         tiled(frame, clipped, path(coefficients), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25),
-        prior=prior,
-        mu=mu,
-        noise=noise,
+        Settings(prior=prior, mu_final=mu),
+        noise,
     )
     return last
 
@@ -195,6 +195,16 @@ def test_what_no_latent_image_explains_is_counted_where_it_was_observed() -> Non
     cut = tiled(noisy, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
     flat = [[np.full((s.op.latent_rows, s.op.period), 0.5, np.float32) for s in each] for each in cut.systems]
     assert cut.unexplained(flat) == pytest.approx(0.03**2, rel=0.05)
+
+
+def test_a_draft_is_what_the_denoiser_starts_from() -> None:
+    case = taken(SHIFT, sigma=0.002)
+    clipped = np.zeros(case.blurred.shape, bool)
+    cut = tiled(case.blurred, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    draft, normal = list(deblur(cut, Settings(quality="draft"), 2e-3)), list(deblur(cut, Settings(), 2e-3))
+    assert len(draft) == 1
+    assert len(normal) > 4
+    np.testing.assert_array_equal(draft[0], normal[0])
 
 
 def test_blocks_that_compression_leaves_ring_less_than_noise_alone_would_let_them() -> None:

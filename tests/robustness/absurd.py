@@ -70,7 +70,7 @@ OF_CLIPS: Mapping[str, tuple[Sequence[str], Fault]] = {
     "--shutter-angle": (("0", "361", "-180", "nan", "", "inf", "9" * 400), Fault.OPTION),
     "--scanlines-total": (("0", "1000001", "5", *_WHOLE[2:]), Fault.OPTION),
     "--codec": (_CHOICES, Fault.OPTION),
-    "--quality": (("-1", "64", "nan", "inf", "", "9" * 400), Fault.OPTION),
+    "--crf": (("-1", "64", "nan", "inf", "", "9" * 400), Fault.OPTION),
     "--pixel-format": (("", "yuv 420p", "nothing", "x" * 3000, "yuv420p;rm", "rgb24\n", "../x"), Fault.OPTION),
     "--on-damage": (_CHOICES, Fault.OPTION),
     "--frames": (_CHOICES, Fault.OPTION),

@@ -163,7 +163,7 @@ def test_what_hdr10_says_of_its_display_is_kept_or_said_to_be_lost(tmp_path: Pat
 def test_a_full_range_clip_of_8_bits_stays_one(tmp_path: Path) -> None:
     before = probe(make(tmp_path / "in.mp4", layout="yuvj420p", colour=(1, 1, 1, 2)))
     assert before.colour.full_range
-    rewrite(before, tmp_path / "out.mp4", Encoding(quality=0))
+    rewrite(before, tmp_path / "out.mp4", Encoding(crf=0))
     after = probe(tmp_path / "out.mp4")
     assert after.colour == before.colour
     assert worst(before, after) == 0
@@ -203,7 +203,7 @@ def test_a_part_begins_at_0_with_the_sound_and_the_timecode_of_its_time(tmp_path
 def test_a_cameras_sensors_are_kept_and_what_is_dropped_is_named(shared: Path, tmp_path: Path) -> None:
     source = shared / "real" / "gopro_mp4_gyro" / "karma.mp4"
     before = probe(source)
-    writer = rewrite(before, tmp_path / "out.mp4", Encoding(quality=40), last=30)
+    writer = rewrite(before, tmp_path / "out.mp4", Encoding(crf=40), last=30)
     after = probe(tmp_path / "out.mp4")
     assert [track.codec for track in after.tracks] == ["aac", "gpmd", "tmcd"]
     assert after.timecode == before.timecode
@@ -330,7 +330,7 @@ def test_a_full_disk_is_an_error_of_the_system_and_leaves_nothing(tmp_path: Path
     resource.setrlimit(resource.RLIMIT_FSIZE, (6000, hard))
     try:
         with pytest.raises(OSError, match="File too large") as refusal:
-            rewrite(stream, tmp_path / name, Encoding(codec=codec, quality=0))
+            rewrite(stream, tmp_path / name, Encoding(codec=codec, crf=0))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert name in str(refusal.value.filename)

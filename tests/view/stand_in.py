@@ -10,10 +10,9 @@ import numpy as np
 
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.trajectory import still as at_rest
-from rsvideo.pipeline import methods
+from rsvideo.pipeline import methods, preview
 from rsvideo.progress import Progress
 from rsvideo.restoration.movement import Movement
-from rsvideo.view import trial
 
 PACE = float(os.environ.get("PACE", "0"))
 BRIGHT = 0.02  # seconds, an exposure at which a frame stays as it is
@@ -41,7 +40,7 @@ def run(treatment, frames, moving, observe) -> Iterator[FrameResult]:
 
 
 methods.movement, methods.run = movement, run  # in the workers too, which import this file by its path
-trial._movement = lambda shown, _, frames, *__: movement(shown, frames, None, None)
+preview._movement = lambda shown, _, frames, *__: movement(shown, frames, None, None)
 
 if __name__ == "__main__":
     if sys.argv[1] == "view":

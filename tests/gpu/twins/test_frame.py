@@ -1,5 +1,6 @@
 """A frame on the device comes to the processor's latent image, in one tile or several, all at once or one after the other."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from rsvideo.gpu.frame import DeviceFrame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
-from rsvideo.restoration import device_frame, nonblind
+from rsvideo.restoration import device_frame, nonblind, settings
 from rsvideo.restoration.nonblind import TiledFrame
 
 LARGE = not arrays.SIMULATED
@@ -64,11 +65,11 @@ def test_the_blur_and_what_fusion_solves_are_the_processors() -> None:
 
 def test_the_whole_restoration_with_the_denoiser_is_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
     if not LARGE:
-        monkeypatch.setattr(nonblind, "TV_FIRST_STEPS", 1)
-        monkeypatch.setattr(nonblind, "SPLITTINGS", 2)
+        monkeypatch.setattr(settings, "TV_FIRST_STEPS", 1)
+        monkeypatch.setitem(settings.EFFORTS, "normal", replace(settings.EFFORTS["normal"], splittings=2))
     here, there = pair(3 if LARGE else 1)
-    how = {"prior": "denoiser", "mu": 5e-4, "noise": 2e-3}
-    for one, other in zip(nonblind.deblur(here, **how), nonblind.deblur(there, **how), strict=True):
+    how = settings.Settings(), 2e-3
+    for one, other in zip(nonblind.deblur(here, *how), nonblind.deblur(there, *how), strict=True):
         np.testing.assert_allclose(there.to_host(other), one, atol=1e-3 if LARGE else 1e-5)  # large: patches nearly as near may swap
 
 
