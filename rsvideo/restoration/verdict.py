@@ -11,7 +11,7 @@ from rsvideo.restoration.sparsity import objective
 # What evidence has to exceed was chosen on one half of a corpus of photographs. The limits of energy and f were chosen on the cases
 # in the README and 24 others made from the same photographs.
 REST = 0.08  # by which the spectra's misfit is lower than at rest: 0.09 to 0.56 along true paths, 0 to 0.45 along others
-MIRROR = 1.5  # standard errors: -1 to 1 along most even motions, which leave no trace of their direction, and 1.7 to 17 along true others
+MIRROR = 1.75  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.7 to 17 along true others
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp

@@ -1,11 +1,13 @@
 """Blur photographs at random, restore them blindly and with their motion known, and print how much of the known gain is kept.
 
     python tests/benchmarks/corpus.py PHOTOS -o FILE [--each 1] [--half choose] [--gyro LOG] [--seed 0] [--keep DIR] [--jobs 2]
+    python tests/benchmarks/corpus.py --judged FILE
 
 PHOTOS is a folder of sharp pictures. Of each, --each stills are drawn: size, exposure 6 to 33 ms, readout 6 to 31 ms, focal length,
 2.5 to 34 px of blur (one in ten is sharp), roll in two thirds, noise, brightness, a third as JPEG; the motion is a random hand-shake,
 and for one in two a random moment of LOG where one is given. FILE gets a row a still, and the figures of each half: what is
-chosen by the one can be reported by the other. The half goes by a hash of the photograph's name. DIR keeps the stills.
+chosen by the one can be reported by the other. The half goes by a hash of the photograph's name. DIR keeps the stills. With --judged
+nothing is restored: the figures of a FILE are printed under the present limits of the verdict, as far as these leave more stills alone.
 """
 
 import argparse
@@ -40,9 +42,11 @@ from rsvideo.pipeline.simulated_case import case_json, motion_csv
 from rsvideo.report.metrics import psnr
 from rsvideo.restoration import search, single_frame
 from rsvideo.restoration.estimate import Estimate
+from rsvideo.restoration.evidence import Evidence
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.verdict import convincing
 from rsvideo.shooting import given_motion
 
 SIZES = ((400, 600), (432, 768), (450, 800), (540, 960))
@@ -158,6 +162,12 @@ def restored(case: Path) -> dict:
     }
 
 
+def judged(row: dict) -> dict:
+    """The row of a still under the present limits of the verdict, if they are stricter than those that it was measured with."""
+    believed = row["evidence"] is None or convincing(Evidence(**row["evidence"]))
+    return row if believed or row["verdict"] != "RESTORED" else {**row, "verdict": "UNEXPLAINED", "gain_db": 0.0}
+
+
 def lost(row: dict) -> str:
     """Where a still that is worth restoring was lost; nothing where it was not."""
     gain, worth = row["gain_db"], row["known_tv_gain_db"]
@@ -205,8 +215,9 @@ def summary(rows: list[dict]) -> list[dict]:
 def main() -> None:
     """Draw, restore, and write FILE."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("photographs", type=Path, metavar="PHOTOS")
-    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("photographs", type=Path, nargs="?", metavar="PHOTOS")
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--judged", type=Path, metavar="FILE")
     parser.add_argument("--each", type=int, default=1)
     parser.add_argument("--half", choices=("choose", "report"))
     parser.add_argument("--gyro", type=Path)
@@ -214,6 +225,11 @@ def main() -> None:
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--jobs", type=int, default=1)
     args = parser.parse_args()
+    if args.judged:
+        published.print_rows(summary([judged(row) for row in json.loads(args.judged.read_text())["stills"]]))
+        return
+    if not args.photographs or not args.output:
+        parser.error("PHOTOS and -o FILE, or --judged FILE")
     os.environ |= {"OMP_NUM_THREADS": "1", "RSVIDEO_THREADS": "1"} if args.jobs > 1 else {}
     photographs = sorted(p for p in args.photographs.iterdir() if p.suffix.lower() in (".jpg", ".png") and args.half in (None, half(p)))
     if not photographs:
