@@ -266,5 +266,4 @@ class DeviceFrame:
 def fits(offsets: Float[np.ndarray, "tiles rows samples 2"], cols: int, channels: int) -> bool:
     """Whether the device's free memory holds one tile of `cols` columns: its symbol, normal matrix and factor, and the images of a step."""
     reach = extent(offsets, cols)
-    systems = 8 * reach.width * reach.frequencies * (offsets.shape[1] + 2 * reach.latent_rows)
-    return systems + 4 * _IMAGES * channels * reach.latent_rows * reach.period <= _SHARE * arrays.free_bytes()
+    return reach.system_bytes + 4 * _IMAGES * channels * reach.latent_rows * reach.period <= _SHARE * arrays.free_bytes()

@@ -143,6 +143,15 @@ class Grid:
         """|d_x(f)|^2 = |1 - exp(2 pi i f)|^2 of the difference between neighbouring columns."""
         return 2 - 2 * np.cos(2 * np.pi * np.arange(self.frequencies) / self.period)
 
+    def crop(self, latent: Float[np.ndarray, "latent_rows period"], rows: int, cols: int) -> Float[np.ndarray, "rows cols"]:
+        """The part of a latent image that lies on the pixels of the frame."""
+        return latent[self.top : self.top + rows, self.left : self.left + cols]
+
+    def extended(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows period"]:
+        """A picture of the frame's size continued from its borders over the latent image's."""
+        rows, cols = image.shape
+        return np.pad(image, ((self.top, self.latent_rows - self.top - rows), (self.left, self.period - self.left - cols)), mode="edge")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RowFourier(Grid):
@@ -196,6 +205,11 @@ class Extent(Grid):
     base: Int[np.ndarray, "*tiles rows"]  # the first of them
     first: Int[np.ndarray, "*tiles rows samples"]  # the first that each sample reads, from `base` on
     across: Float[np.ndarray, "*tiles rows samples taps"]  # the interpolation weights of those it reads
+
+    @property
+    def system_bytes(self) -> int:
+        """Of the symbol of one frame or tile, its normal matrix, and the factor of that."""
+        return 8 * self.width * self.frequencies * (self.base.shape[-1] + 2 * self.latent_rows)
 
     def part(self, first: int, last: int) -> "Extent":
         """Of the tiles [first, last), on the grid that all share."""

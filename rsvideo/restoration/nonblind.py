@@ -6,7 +6,7 @@ and the columns beyond its sides, like clipped pixels, are completed from the mo
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
-from rsvideo.physics.row_fourier import RowFourier, row_fourier
+from rsvideo.physics.row_fourier import Extent, Grid, RowFourier, extent, row_fourier
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.blurred_frame import BlurredFrame
@@ -28,6 +28,7 @@ from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.total_variation import LatentUpdate
 from rsvideo.solvers.total_variation import total_variation as admm
 
+LARGEST = 8e8  # bytes of a tile's systems; a frame whose tiles need more together has them made anew on each pass
 OVERLAP = 24  # columns over which neighbouring tiles are blended; origin: by trial
 TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term; origin: by trial
 TV_FLOOR = 1e-5  # added to the normal matrix, which keeps it positive definite where no scanline samples it
@@ -38,7 +39,10 @@ FINEST_NOISE = 1.25  # times the noise: the last strength; origin: by trial
 UNEXPLAINED = 10.0  # weight of the residual's power beyond the noise's; chosen, as the next, on half of a corpus of photographs
 EXPLAINED = 1.5  # times the noise's power, which total variation leaves where the model holds: 0.6 to 1.5
 RIM = 16  # rows and columns along a tile's sides, a quarter at most, where the residual is not measured; origin: by trial
-MATCHED = 2  # splittings that share their matches: which patches look alike changes slowly
+MATCHED = 3  # splittings that share their matches: which patches look alike changes slowly; 2 is no better on six stills
+
+SamplesOf = Callable[[Tile], tuple[Float[np.ndarray, "rows samples 2"], Float[np.ndarray, "rows samples"] | None]]
+"""Where the scanlines of a tile sample the latent image, and with which weights; None: all the same."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,8 +68,7 @@ class TileSystem:
 
     def crop(self, latent: Float[np.ndarray, "latent_rows period"]) -> Float[np.ndarray, "rows cols"]:
         """The latent image on the tile's own pixels."""
-        op = self.op
-        return latent[op.top : op.top + op.rows, op.left : op.left + op.cols]
+        return self.op.crop(latent, self.op.rows, self.op.cols)
 
 
 def tile_system(
@@ -120,38 +123,35 @@ def total_variation(system: TileSystem, mu: float, *, steps: int) -> Float[np.nd
 class TiledFrame:
     """A frame as column tiles that overlap, each with its exact blur, channel by channel."""
 
+    pixels: Float[np.ndarray, "rows cols channels"]
+    valid: Float[np.ndarray, "rows cols channels"]  # 1 where the sample is data
     cut: list[Tile]
-    systems: list[list[TileSystem]]  # of each tile, of each channel
+    grids: Sequence[Grid]  # of each tile
+    systems: Sequence[list[TileSystem]]  # of each tile, of each channel; made anew on each pass where memory does not hold them together
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Rows, columns, channels."""
-        return self.systems[0][0].op.rows, self.cut[-1].last, len(self.systems[0])
+        rows, cols, channels = self.pixels.shape
+        return rows, cols, channels
 
     def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
         """The frame b, and 1 where it is data."""
-        parts = [
-            [
-                np.stack([of(s) for s in channels], axis=-1)[:, t.start - t.first : t.stop - t.first]
-                for t, channels in zip(self.cut, self.systems, strict=True)
-            ]
-            for of in (lambda s: s.frame, lambda s: s.valid)
-        ]
-        return np.hstack(parts[0]), np.hstack(parts[1])
+        return self.pixels, self.valid
 
     def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
         """K image, what lies beyond it continued from its borders."""
         out = np.empty_like(image)
         for tile, channels in zip(self.cut, self.systems, strict=True):
             op = channels[0].op
-            blurred = op.image(op.forward(op.spectrum(_extended(channels[0], image[:, tile.first : tile.last]))))
+            blurred = op.image(op.forward(op.spectrum(op.extended(image[:, tile.first : tile.last]))))
             out[:, tile.start : tile.stop] = blurred[:, op.left + tile.start - tile.first : op.left + tile.stop - tile.first]
         return out
 
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""
-        columns = [target[:, tile.first : tile.last] for tile in self.cut]
-        latents = [[_extended(s, part[..., c]) for c, s in enumerate(ss)] for part, ss in zip(columns, self.systems, strict=True)]
+        columns = [np.moveaxis(target[:, tile.first : tile.last], 2, 0) for tile in self.cut]
+        latents = [[grid.extended(channel) for channel in part] for grid, part in zip(self.grids, columns, strict=True)]
         return self.blended(self.nearest(latents, target, ridge))
 
     def total_variation(self, mu: float, *, steps: int) -> list[list[np.ndarray]]:
@@ -170,11 +170,11 @@ class TiledFrame:
     def blended(self, latents: list[list[np.ndarray]]) -> Float[np.ndarray, "rows cols channels"]:
         """The tiles' latent images joined over their overlaps by linear weights."""
         image, total = np.zeros(self.shape, np.float32), np.zeros(self.shape[1], np.float32)
-        for tile, ss, ls in zip(self.cut, self.systems, latents, strict=True):
-            weight = tile.weight(OVERLAP)
-            total[tile.first : tile.last] += weight
-            for c, (s, latent) in enumerate(zip(ss, ls, strict=True)):
-                image[:, tile.first : tile.last, c] += weight * s.crop(latent)
+        for tile, grid, channels in zip(self.cut, self.grids, latents, strict=True):
+            weight, columns = tile.weight(OVERLAP), slice(tile.first, tile.last)
+            total[columns] += weight
+            for c, latent in enumerate(channels):
+                image[:, columns, c] += weight * grid.crop(latent, len(image), tile.last - tile.first)
         return image / total[:, None]
 
     def unexplained(self, latents: list[list[np.ndarray]]) -> float:
@@ -209,13 +209,6 @@ class TiledFrame:
         return image
 
 
-def _extended(system: TileSystem, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows period"]:
-    """The image continued from its borders over all that the tile solves for."""
-    op = system.op
-    beyond = ((op.top, op.latent_rows - op.top - op.rows), (op.left, op.period - op.left - op.cols))
-    return np.pad(image, beyond, mode="edge")
-
-
 def tiled(
     pixels: Float[np.ndarray, "rows cols channels"],
     clipped: Bool[np.ndarray, "rows cols channels"],
@@ -227,8 +220,14 @@ def tiled(
     flow: Flow | None = None,
 ) -> TiledFrame:
     """The frame with its blur along `trajectory`, and the `flow` beyond it; tolerance is the largest error in px at a tile's edge."""
+
+    def samples_of(tile: Tile) -> tuple[Float[np.ndarray, "rows samples 2"], None]:
+        return displacement(tile, trajectory, flow, camera, samples), None
+
     cut = cut_for(trajectory, camera, tolerance, flow)
-    return tiled_from(cut, lambda tile: (displacement(tile, trajectory, flow, camera, samples), None), pixels, clipped)
+    while max(each.system_bytes for each in _extents(cut, samples_of)) > LARGEST and 2 * len(cut) * tiles.NARROWEST <= pixels.shape[1]:
+        cut = cut_for(trajectory, camera, tolerance, flow, least=2 * len(cut))
+    return tiled_from(cut, samples_of, pixels, clipped)
 
 
 def cut_for(trajectory: Trajectory, camera: Camera, tolerance: float, flow: Flow | None = None, least: int = 1) -> list[Tile]:
@@ -240,19 +239,43 @@ def cut_for(trajectory: Trajectory, camera: Camera, tolerance: float, flow: Flow
 
 def tiled_from(
     cut: list[Tile],
-    samples: Callable[[Tile], tuple[Float[np.ndarray, "rows samples 2"], Float[np.ndarray, "rows samples"] | None]],
+    samples_of: SamplesOf,
     pixels: Float[np.ndarray, "rows cols channels"],
     clipped: Bool[np.ndarray, "rows cols channels"],
 ) -> TiledFrame:
     """The frame whose scanlines sample the latent image, in each tile, at those offsets with those weights."""
     valid = (~clipped).astype(np.float32)
-    systems = []
-    for tile in cut:
-        columns = slice(tile.first, tile.last)
-        offsets, weights = samples(tile)
+
+    def made(k: int) -> list[TileSystem]:
+        columns = slice(cut[k].first, cut[k].last)
+        offsets, weights = samples_of(cut[k])
         first = tile_system(offsets, pixels[:, columns, 0], valid[:, columns, 0], weights)
-        systems.append([first] + [with_frame(first, pixels[:, columns, c], valid[:, columns, c]) for c in range(1, pixels.shape[2])])
-    return TiledFrame(cut=cut, systems=systems)
+        return [first] + [with_frame(first, pixels[:, columns, c], valid[:, columns, c]) for c in range(1, pixels.shape[2])]
+
+    reaches = _extents(cut, samples_of)
+    together = sum(each.system_bytes for each in reaches) <= LARGEST
+    systems = [made(k) for k in range(len(cut))] if together else MadeAnew(made, len(cut))
+    return TiledFrame(pixels=pixels, valid=valid, cut=cut, grids=reaches, systems=systems)
+
+
+def _extents(cut: list[Tile], samples_of: SamplesOf) -> list[Extent]:
+    return [extent(samples_of(tile)[0], tile.last - tile.first) for tile in cut]
+
+
+class MadeAnew(Sequence[list[TileSystem]]):
+    """Systems of tiles, each made when it is asked for, and not kept."""
+
+    def __init__(self, make: Callable[[int], list[TileSystem]], count: int) -> None:
+        self._make, self._count = make, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, k: Any) -> Any:
+        """Of tile `k`."""
+        if not 0 <= k < self._count:
+            raise IndexError(k)
+        return self._make(k)
 
 
 def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[Any]:

@@ -10,10 +10,12 @@ from scipy.ndimage import binary_dilation
 from rsvideo.physics import simulate, tiles
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
+from rsvideo.physics.row_fourier import extent
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred, fit, still
+from rsvideo.restoration import nonblind
 from rsvideo.restoration.nonblind import OVERLAP, TiledFrame, TileSystem, deblur, tile_system, tiled, total_variation
-from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.parallax import Flow, displacement
 from rsvideo.restoration.settings import Settings
 
 ROWS, COLS = 96, 192
@@ -154,6 +156,11 @@ def test_what_no_scanline_saw_and_what_clipped_is_completed_from_the_model():
         np.testing.assert_array_equal(np.delete(out, np.r_[own], axis=1), np.delete(model, np.r_[own], axis=1))
 
 
+def in_tiles(cut, systems) -> TiledFrame:
+    blank = np.zeros((ROWS, COLS, 1), np.float32)
+    return TiledFrame(pixels=blank, valid=blank, cut=cut, grids=[channels[0].op for channels in systems], systems=systems)
+
+
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_tiles_of_one_image_blend_into_it(count):
     whole = np.random.default_rng(0).random((ROWS, COLS)).astype(np.float32)
@@ -166,7 +173,7 @@ def test_tiles_of_one_image_blend_into_it(count):
         system.crop(latent)[:] = part
         systems.append([system])
         latents.append([latent])
-    np.testing.assert_allclose(TiledFrame(cut=cut, systems=systems).blended(latents)[..., 0], whole, atol=1e-6)
+    np.testing.assert_allclose(in_tiles(cut, systems).blended(latents)[..., 0], whole, atol=1e-6)
 
 
 def test_no_seam_shows_between_tiles():
@@ -177,7 +184,7 @@ def test_no_seam_shows_between_tiles():
         part = np.zeros((ROWS, tile.last - tile.first), np.float32)
         systems.append([tile_system(np.zeros((ROWS, 1, 2)), part, np.ones_like(part))])
     ones = [[np.full((ss[0].op.latent_rows, ss[0].op.period), float(i), np.float32)] for i, ss in enumerate(systems)]
-    ramp = TiledFrame(cut=cut, systems=systems).blended(ones)[0, :, 0]
+    ramp = in_tiles(cut, systems).blended(ones)[0, :, 0]
     assert ramp[0] == 0
     assert ramp[-1] == 1
     assert np.diff(ramp).min() >= 0
@@ -195,6 +202,22 @@ def test_what_no_latent_image_explains_is_counted_where_it_was_observed() -> Non
     cut = tiled(noisy, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
     flat = [[np.full((s.op.latent_rows, s.op.period), 0.5, np.float32) for s in each] for each in cut.systems]
     assert cut.unexplained(flat) == pytest.approx(0.03**2, rel=0.05)
+
+
+def test_a_frame_in_tiles_that_memory_does_not_hold_together_is_the_same(monkeypatch) -> None:
+    case = taken(SHIFT, sigma=0.002)
+    clipped = np.zeros(case.blurred.shape, bool)
+    camera = Camera(timing=TIMING, intrinsics=CAMERA)
+    monkeypatch.setattr(nonblind, "LARGEST", 0.6 * extent(np.zeros((ROWS, 1, 2)), COLS).system_bytes)
+    cut = tiled(case.blurred, clipped, path(SHIFT), camera, samples=24, tolerance=0.25)
+    assert len(cut.cut) > 1
+    assert isinstance(cut.systems, nonblind.MadeAnew)
+    monkeypatch.setattr(nonblind, "LARGEST", 1e9)
+    whole = nonblind.tiled_from(cut.cut, lambda tile: (displacement(tile, path(SHIFT), None, camera, 24), None), case.blurred, clipped)
+    assert isinstance(whole.systems, list)
+    for one, other in zip(deblur(cut, Settings(), 2e-3), deblur(whole, Settings(), 2e-3), strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(cut.towards(case.truth, 0.6), whole.towards(case.truth, 0.6))
 
 
 def test_a_draft_is_what_the_denoiser_starts_from() -> None:
