@@ -128,6 +128,14 @@ class Camera:
         timing = replace(self.timing, direction=Direction.TOP_TO_BOTTOM)
         return replace(self, timing=timing, intrinsics=self.intrinsics.along(self.timing.direction))
 
+    def halved(self) -> "Camera":
+        """The camera, along its scanlines, whose pixels are the means of two by two; an odd last row or column is left out."""
+        timing, lens = self.timing, self.intrinsics
+        rows, cols = lens.rows // 2, lens.cols // 2
+        half = replace(lens, fx=lens.fx / 2, fy=lens.fy / 2, cx=lens.cx / 2 - 0.25, cy=lens.cy / 2 - 0.25, rows=rows, cols=cols)
+        noise = self.noise and Noise(read=self.noise.read / 2, shot=self.noise.shot / 4)
+        return Camera(timing=replace(timing, row_time=2 * timing.row_time, rows=rows), intrinsics=half, noise=noise)
+
 
 def turned(
     intrinsics: Intrinsics, x: Float[np.ndarray, "*#n"], y: Float[np.ndarray, "*#n"], poses: Float[np.ndarray, "*#n axes"]

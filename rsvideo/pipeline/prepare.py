@@ -176,7 +176,7 @@ def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Re
 
         if request.preview and not measuring.unstated(request.camera, opened.shutter):  # a preview shows what is stated, a job checks it
             return request, opened
-        request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
+        request = request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
     return request, replace(opened, shutter=replace(opened.shutter, measured=request.measured))
 
 

@@ -56,7 +56,7 @@ def evidence(scene: Scene, spectrum: Spectrum, path: Trajectory) -> Evidence:
 def compared(scene: Scene, path: Trajectory) -> tuple[float, float]:
     """The standard errors by which gradients are sparser than along the mirror image, and than along the path shorter and longer."""
     scene, path = sampled(scene, path), centred(path, scene.camera.timing.middle)
-    factor = 1 + STRETCH / max(longest(scene.camera, path), SHORTEST)
+    factor = 1 + STRETCH / max(longest(scene.camera, scene.scaled(path)), SHORTEST)
 
     def sparse(measured: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
         times, ridge = measured

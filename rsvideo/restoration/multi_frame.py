@@ -18,6 +18,7 @@ from rsvideo.restoration.fusion import PosedImage, fused
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import rectified
+from rsvideo.restoration.resolution import too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.settings import Settings
@@ -155,7 +156,7 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
     """The frame restored with its neighbours."""
     alone, image = waiting.restored, waiting.image
-    if image is None or alone.verdict is not Verdict.RESTORED:
+    if image is None or alone.verdict is not Verdict.RESTORED or too_long(alone.view, image.length):
         return alone
     started, view = time.monotonic(), alone.view
     latent = fused(tiled_frame(view, alone.trajectory, settings, waiting.flow), image, others, view.camera.intrinsics, waiting.noise)

@@ -263,7 +263,7 @@ def _extents(cut: list[Tile], samples_of: SamplesOf) -> list[Extent]:
 
 
 class MadeAnew(Sequence[list[TileSystem]]):
-    """Systems of tiles, each made when it is asked for, and not kept."""
+    """Systems of tiles, each made on its use, and not kept."""
 
     def __init__(self, make: Callable[[int], list[TileSystem]], count: int) -> None:
         self._make, self._count = make, count

@@ -19,6 +19,7 @@ from rsvideo.restoration.settings import Settings
 WINDOW_COLS = 800  # with most texture, from which the motion is estimated and on which it is judged
 TRIAL_COLS = 560  # of them, on which paths are compared
 COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution, where paths then run first
+LONG_REACH = 40.0  # px; longer blurs are searched at a lower resolution, since the work grows with their square
 WHITE = 99.5  # percentile of luminance that becomes 1; brighter pixels count as clipped; origin: by trial
 DARKEST_WHITE = 1e-3  # linear light; a darker frame is not stretched to white
 SAMPLES = 24  # path samples an exposure that suffice to estimate a path of up to as many px
@@ -129,15 +130,10 @@ def halved(scene: Scene) -> Scene:
     """The same at half the resolution."""
     rows, cols = (n // 2 for n in scene.frame.shape)
     frame, valid = (cv2.resize(a[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA) for a in (scene.frame, scene.valid))
-    timing, lens = scene.camera.timing, scene.camera.intrinsics
     return Scene(
         frame=frame,
         valid=np.floor(valid),  # where one of four is clipped, the whole is
-        camera=replace(
-            scene.camera,
-            timing=replace(timing, row_time=2 * timing.row_time, rows=rows),
-            intrinsics=replace(lens, fx=lens.fx / 2, fy=lens.fy / 2, cx=lens.cx / 2 - 0.25, cy=lens.cy / 2 - 0.25, rows=rows, cols=cols),
-        ),
+        camera=scene.camera.halved(),
         samples=math.ceil(scene.samples / 2),
         tiles=max(1, round(scene.tiles / 2)),
         noise=noise_level(frame) if scene.camera.noise is None else scene.noise / 2,  # the mean of four independent pixels
@@ -147,11 +143,19 @@ def halved(scene: Scene) -> Scene:
     )
 
 
+def shrunk(scene: Scene, blur: float, most: float) -> Scene:
+    """The same, halved until its blur, of `blur` px in the whole frame, has `most` px or fewer."""
+    while blur * scene.scale > most and min(scene.frame.shape) > SMALLEST:
+        scene = halved(scene)
+    return scene
+
+
 def reduced(scene: Scene, blur: float = 0.0) -> Scene:
     """The same, halved until its longer side has at most LARGEST px, and its blur, of `blur` px in the whole frame, at most SAMPLES.
 
     It has as many path samples an exposure as its blur has px: fewer would make a comb of it.
     """
-    while max(scene.frame.shape) > LARGEST or (blur * scene.scale > SAMPLES and min(scene.frame.shape) > SMALLEST):
+    while max(scene.frame.shape) > LARGEST:
         scene = halved(scene)
+    scene = shrunk(scene, blur, SAMPLES)
     return replace(scene, samples=max(scene.samples, math.ceil(blur * scene.scale)))

@@ -15,7 +15,7 @@ from rsvideo.restoration.evidence import compared, evidence
 from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.focus import focus_value
 from rsvideo.restoration.refinement import focused, refine
-from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
+from rsvideo.restoration.scene import COARSE_REACH, LONG_REACH, TRIAL_COLS, Scene, halved, shrunk, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
 
@@ -41,26 +41,42 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
     if not paths:  # the spectra are those of a frame at rest
         yield Estimate(stage="spectra", fraction=ESTIMATED, trajectory=rest)
         return
-    trial = windowed(scene, TRIAL_COLS)
-    coarse = halved(trial) if longest(part.camera, paths[0]) > COARSE_REACH else trial
+    at = _Resolutions.of(scene, longest(scene.camera, paths[0]))
     belief = replace(belief, weight=SPECTRA)
     running = [_Runner(trajectory=path) for each in paths for path in (each, mirrored(each))]
     for i, (steps, wide, most) in enumerate(settings.effort.heats):
         yield Estimate(stage="candidate paths", fraction=FOUND + HEAT * i, trajectory=running[0].trajectory)
-        where = part if wide else coarse if i == 0 else trial
+        where = at.part if wide else at.coarse if i == 0 else at.trial
         running = sorted(threads.each(partial(_Runner.ahead, scene=where, belief=belief, steps=steps), running), key=lambda r: r.value)
         inside = [r for r in running if not beyond(scene.camera, r.trajectory)] or running[:1]
         running = _going_on(inside, where, most)
+        length = longest(scene.camera, running[0].trajectory)
+        at = _Resolutions.of(scene, length) if at.trial.scale * length > LONG_REACH else at
     belief = replace(belief, weight=LAST_SPECTRA)
-    scenes = ((trial, LAST_STEPS),) if coarse is trial else ((coarse, LAST_STEPS), (trial, FINER_STEPS))
-    speaks = threads.each(lambda runner: sum(compared(part, runner.trajectory)), running)
+    speaks = threads.each(lambda runner: sum(compared(at.part, runner.trajectory)), running)
     path = running[int(np.argmax(speaks))].trajectory
-    yield _focused(path, scenes, belief, part)
+    yield _focused(path, at, belief)
 
 
-def _focused(path: Trajectory, scenes: tuple[tuple[Scene, int], ...], belief: SpectralBelief, part: Scene) -> Estimate:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Resolutions:
+    """A scene as paths of one length are tried on it: halved until their blur is not too long."""
+
+    part: Scene
+    trial: Scene  # fewer columns
+    coarse: Scene  # the same at half the resolution, where a long blur still shows
+
+    @classmethod
+    def of(cls, scene: Scene, length: float) -> "_Resolutions":
+        scene = shrunk(scene, length, LONG_REACH)
+        trial = windowed(scene, TRIAL_COLS)
+        return cls(part=windowed(scene), trial=trial, coarse=halved(trial) if length * scene.scale > COARSE_REACH else trial)
+
+
+def _focused(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> Estimate:
     """The last steps, by the path's focus, and what speaks for where they lead."""
-    values: tuple[float, ...] = ()
+    part, values = at.part, tuple[float, ...]()
+    scenes = ((at.trial, LAST_STEPS),) if at.coarse is at.trial else ((at.coarse, LAST_STEPS), (at.trial, FINER_STEPS))
     for where, steps in scenes:
         best = focused(sampled(where, path), path, belief, steps=steps)
         path, values = best.trajectory, values + best.values

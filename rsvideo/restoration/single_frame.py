@@ -11,7 +11,7 @@ from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import device_frame, nonblind, scanlines, search
+from rsvideo.restoration import device_frame, nonblind, resolution, scanlines, search
 from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.correction import ApproximatePath, corrected
 from rsvideo.restoration.estimate import ESTIMATED, Estimator
@@ -89,7 +89,10 @@ def restored(
     started, timing = time.monotonic(), view.camera.timing
     found = _found(view, settings, start, estimate, observe) if path is None else _Found(trajectory=path, verdict=Verdict.RESTORED)
     path, latent = centred(found.trajectory, timing.middle), view.pixels
-    if found.verdict is Verdict.RESTORED:
+    if found.verdict is Verdict.RESTORED and resolution.too_long(view, longest(view.camera, path)):
+        half = {"path": resolution.halved_path(path), "noise": None if noise is None else noise / 2, "flow": flow and flow.scaled(0.5)}
+        latent = resolution.doubled(restored(resolution.halved(view), settings, **half, observe=observe).latent, view.pixels)
+    elif found.verdict is Verdict.RESTORED:
         frame = tiled_frame(view, path, settings, flow)
         images = nonblind.deblur(frame, settings, view.noise if noise is None else noise)
         for step, image in enumerate(images):
