@@ -22,7 +22,7 @@ SHUTTER = rsvideo.Shutter(exposure=0.02, readout=0.02)
 CAMERA = rsvideo.Camera(focal_px=1.2 * 160)
 FRAMES = 6
 CHUNK = 4  # frames at most
-QUICK = rsvideo.Settings(prior="tv")  # the denoiser is tested with photographs
+QUICK = rsvideo.Settings(prior="tv", quality="draft")  # the denoiser is tested with photographs
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_the_frames_come_in_order_and_sharper(moving: Moving, restored: list[rsv
 @pytest.mark.usefixtures("short_chunks")
 def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored: list[rsvideo.Result], tmp_path: Path) -> None:
     camera = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px}
-    output = {"output": tmp_path / "out", "encoding": {"codec": "png"}, "deblur": {"prior": "tv"}}
+    output = {"output": tmp_path / "out", "encoding": {"codec": "png"}, "deblur": {"prior": "tv", "quality": "draft"}}
     task = prepare(Request.model_validate({"source": folder, "input": {"rate": RATE}, "camera": camera, **output}))
     assert len(chunk.chunks(task)) == 2
     carry_out(task, ignore)
@@ -141,7 +141,7 @@ def test_only_a_chunk_is_held(codes: list[np.ndarray], monkeypatch: pytest.Monke
                 yield frame
 
     results = rsvideo.deblur_clip(
-        Frames(), shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone", prior="tv")
+        Frames(), shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone", prior="tv", quality="draft")
     )
     next(results)
     assert taken[-1] <= CHUNK + chunk.AHEAD

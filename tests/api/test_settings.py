@@ -19,7 +19,7 @@ def test_the_defaults_are_those_of_the_command() -> None:
     assert request.Deblur.model_validate(stated.of_deblur()) == request.Deblur()
 
 
-@pytest.mark.parametrize("name", ["motion", "start", "refinement", "prior", "frames"])
+@pytest.mark.parametrize("name", ["motion", "start", "refinement", "prior", "quality", "frames"])
 def test_the_words_are_those_of_the_command(name: str) -> None:
     section = request.Motion if name in ("motion", "start", "refinement") else request.Deblur
     field = section.model_fields["model" if name == "motion" else name]

@@ -18,7 +18,7 @@ from tests.video.clips import make, packets
 
 CLIP = Moving(frames=6)
 GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.camera.fx))
-QUICK = ("--prior", "tv")
+QUICK = ("--prior", "tv", "--quality", "draft")
 
 
 def rsvideo(*words: object) -> subprocess.CompletedProcess[str]:
@@ -225,7 +225,7 @@ def test_a_readout_longer_than_a_frame_is_taken_if_forced(source: Path, tmp_path
 JOB = """\
 defaults:
   camera: {exposure: 1/50, readout: 20ms, focal_px: 192}
-  deblur: {prior: tv}
+  deblur: {prior: tv, quality: draft}
   encoding: {codec: ffv1}
 output: {folder: restored, name: "{stem}.mkv"}
 clips: ["*.mkv"]

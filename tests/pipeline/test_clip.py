@@ -241,7 +241,7 @@ def task_of(moving: tuple[Moving, Path], output: Path, **words: Any) -> Task:
 
 
 def test_a_chunk_restored_twice_and_in_any_order_has_the_same_bytes(moving: tuple[Moving, Path], tmp_path: Path) -> None:
-    task = task_of(moving, tmp_path / "out.mkv", prior="tv")
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv", quality="draft")
     cut = chunks(task)
     assert [(chunk.first, chunk.last) for chunk in cut] == [(0, 5), (6, 9)]
     folders = [tmp_path / name for name in ("one", "other")]
@@ -287,7 +287,7 @@ def test_a_chunk_that_begins_with_damage_holds_the_picture_before_it(tmp_path: P
 
 
 def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, Path], tmp_path: Path) -> None:
-    task = task_of(moving, tmp_path / "out.mkv", prior="tv", range=(0.0, 0.12))
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv", quality="draft", range=(0.0, 0.12))
     reports: list[Progress] = []
     work(task, chunks(task)[0], tmp_path, reports.append)
     assert {at.frame for at in reports if at.stage == "motion"} == {0, 1, 2}
@@ -299,7 +299,7 @@ def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, 
 
 def test_a_chunk_looks_a_few_frames_ahead_but_not_over_the_end_of_a_range(moving: tuple[Moving, Path], tmp_path: Path) -> None:
     assert AHEAD >= 1
-    task = task_of(moving, tmp_path / "out.mkv", prior="tv", range=(0.0, 0.08))
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv", quality="draft", range=(0.0, 0.08))
     (chunk,) = chunks(task)
     record = work(task, chunk, tmp_path, silent)
     assert [frame.index for frame in frame_records([record], tmp_path)] == [0, 1]
@@ -307,7 +307,7 @@ def test_a_chunk_looks_a_few_frames_ahead_but_not_over_the_end_of_a_range(moving
 
 def test_the_sidecar_says_what_was_done(moving: tuple[Moving, Path], tmp_path: Path) -> None:
     given = moving[0].motion(tmp_path / "motion.csv")
-    task = task_of(moving, tmp_path / "out.mkv", prior="tv", trajectory=given, range=(0.0, 0.16))
+    task = task_of(moving, tmp_path / "out.mkv", prior="tv", quality="draft", trajectory=given, range=(0.0, 0.16))
     outcome, records = carried_out(task, tmp_path)
     assert outcome.restored + outcome.left == 4
     said = json.loads(task.request.record.read_text())

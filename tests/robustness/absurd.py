@@ -49,6 +49,7 @@ ABSURD: Mapping[str, tuple[Sequence[str], Fault]] = {
     "--degree": (("0", "13", *_WHOLE[2:]), Fault.OPTION),
     "--method": (_CHOICES, Fault.OPTION),
     "--prior": (_CHOICES, Fault.OPTION),
+    "--quality": (_CHOICES, Fault.OPTION),
     "--motion": (_CHOICES, Fault.OPTION),
     "--start": (_CHOICES, Fault.OPTION),
     "--refinement": (_CHOICES, Fault.OPTION),
