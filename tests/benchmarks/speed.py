@@ -1,4 +1,4 @@
-"""Seconds and peak memory of a cold frame, by size and by length of blur, through the installed command.
+"""Seconds, peak memory and gain of a cold frame, by size and by length of blur, through the installed command.
 
     python tests/benchmarks/speed.py [--cases 480x270:15,1920x1080:100] [--json FILE]
 
@@ -19,6 +19,9 @@ import cv2
 import numpy as np
 import published
 import skimage.data
+from quality import codes
+
+from rsvideo.report.metrics import psnr
 
 CASES = "480x270:15,800x450:10,800x450:15,800x450:20,800x450:40,1280x720:15,1920x1080:15,1920x1080:100"
 CAMERA = ["--exposure", "1/50", "--readout", "20ms", "--focal-px", "1400"]
@@ -32,8 +35,8 @@ def scene(cols: int, rows: int) -> np.ndarray:
     return np.pad(wall, ((0, max(0, rows - wall.shape[0])), (0, max(0, cols - wall.shape[1])), (0, 0)), "symmetric")[:rows, :cols, ::-1]
 
 
-def measured(folder: Path, cols: int, rows: int, blur: int) -> tuple[float, float, str]:
-    """Seconds, peak GB and verdict of one blind restoration."""
+def measured(folder: Path, cols: int, rows: int, blur: int) -> tuple[float, float, float, str]:
+    """Seconds, peak GB, dB gained and verdict of one blind restoration."""
     sharp, blurred = folder / "sharp.png", folder / "blurred.png"
     margin = 3 * blur + 16
     cv2.imwrite(str(sharp), scene(cols + 2 * margin, rows + 2 * margin))
@@ -59,7 +62,8 @@ def measured(folder: Path, cols: int, rows: int, blur: int) -> tuple[float, floa
     if work.returncode:
         sys.exit((folder / "words").read_text())
     frame = json.loads((folder / "out.rsvideo.json").read_text())["frames"][0]
-    return frame["seconds"], used.ru_maxrss / 1e6, frame["verdict"]
+    before, after, truth = (codes(folder / name) for name in ("blurred.png", "out.png", "truth.png"))
+    return frame["seconds"], used.ru_maxrss / 1e6, psnr(after, truth) - psnr(before, truth), frame["verdict"]
 
 
 def main() -> None:
@@ -68,15 +72,15 @@ def main() -> None:
     parser.add_argument("--cases", default=CASES)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    print("| frame | longest blur px | seconds | peak memory GB | verdict |\n|---|---|---|---|---|", flush=True)
+    print("| frame | longest blur px | seconds | peak memory GB | gain dB | verdict |\n|---|---|---|---|---|---|", flush=True)
     rows = []
     for case in args.cases.split(","):
         size, blur = case.split(":")
         wide, high = map(int, size.split("x"))
         with tempfile.TemporaryDirectory() as folder:
-            seconds, memory, verdict = measured(Path(folder), wide, high, int(blur))
-        print(f"| {wide} x {high} | {blur} | {seconds:.0f} | {memory:.2f} | {verdict} |", flush=True)
-        rows.append({"frame": f"{wide} x {high}", "blur_px": int(blur), "seconds": seconds, "peak_gb": memory})
+            seconds, memory, gain, verdict = measured(Path(folder), wide, high, int(blur))
+        print(f"| {wide} x {high} | {blur} | {seconds:.0f} | {memory:.2f} | {gain:.2f} | {verdict} |", flush=True)
+        rows.append({"frame": f"{wide} x {high}", "blur_px": int(blur), "seconds": seconds, "peak_gb": memory, "gain_db": gain})
     if args.json:
         published.write(args.json, {"speed": rows})
 
