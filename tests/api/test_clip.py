@@ -78,6 +78,7 @@ def test_the_frames_come_in_order_and_sharper(moving: Moving, restored: list[rsv
     assert restored[-1].to_next is None
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short_chunks")
 def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored: list[rsvideo.Result], tmp_path: Path) -> None:
     camera = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px}

@@ -12,6 +12,7 @@ MOST_BYTES = 20_000
 MOST_SECONDS = 60  # a cell; each notebook is meant to take that long as a whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.filterwarnings("ignore")  # what Jupyter's parts remark about each other
 def test_a_notebook_runs_from_the_first_cell_to_the_last(name: str, samples: Path, monkeypatch: pytest.MonkeyPatch) -> None:

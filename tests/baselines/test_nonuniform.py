@@ -69,6 +69,7 @@ def test_a_light_is_blurred_with_the_kernel_of_its_place(at):
     assert float((one * other).sum() / np.linalg.norm(one) / np.linalg.norm(other)) > 0.95
 
 
+@pytest.mark.slow
 def test_a_frame_blurred_by_roll_gains_more_than_with_one_kernel():
     camera = Intrinsics.centred(focal=500.0, rows=180, cols=240)
     timing = ShutterTiming.from_readout(exposure=0.04, readout=0.0, rows=180)

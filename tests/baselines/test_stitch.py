@@ -70,6 +70,7 @@ def test_under_the_same_kernel_everywhere_nobody_sees_the_blocks(block_rows):
     assert psnr(latent, scene()) > psnr(pixels, scene()) + 5
 
 
+@pytest.mark.slow
 def test_where_the_blur_turns_over_the_frame_blocks_gain_more_than_one_kernel():
     truth = scene(240, 128)
     upper, lower = taken(streak(4, 0), truth), taken(streak(0, 4), truth)
@@ -92,6 +93,7 @@ def test_a_block_without_texture_takes_its_neighbours_kernel():
     assert not np.array_equal(result.psfs[-1], result.psfs[1])
 
 
+@pytest.mark.slow
 def test_a_frame_read_sideways_is_cut_across_its_columns():
     pixels = taken(streak(4, 2))
     upright = stitch.restored(view(frame(pixels), shutter()), SETTINGS)

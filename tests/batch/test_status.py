@@ -54,6 +54,7 @@ def test_a_run_states_how_far_it_is_and_leaves_nothing_when_all_is_done(job: Pat
     assert not working(job).exists()
 
 
+@pytest.mark.slow
 def test_a_run_pauses_within_a_chunk_and_goes_on(job: Path, tmp_path: Path) -> None:
     diary = tmp_path / "diary"
     with under_way("run", job, "--progress", "none", PACE=0.1, DIARY=diary) as run:
@@ -69,6 +70,7 @@ def test_a_run_pauses_within_a_chunk_and_goes_on(job: Path, tmp_path: Path) -> N
     assert (job.parent / "out" / "a_rsvideo.mp4").exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_is_cancelled_by_the_file_keeps_its_chunks(job: Path) -> None:
     with under_way("run", job, "--progress", "none", PACE=0.1) as run:
         until(job, a_chunk_is_done)
@@ -82,6 +84,7 @@ def test_a_run_that_is_cancelled_by_the_file_keeps_its_chunks(job: Path) -> None
     assert "chunks are done already" in again.stderr
 
 
+@pytest.mark.slow
 def test_a_wish_of_an_earlier_run_does_not_hold_up_the_next(job: Path) -> None:
     with under_way("run", job, "--progress", "none", PACE=0.1) as run:
         until(job, a_chunk_is_done)

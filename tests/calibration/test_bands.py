@@ -152,6 +152,7 @@ def test_too_few_rows_for_a_fast_light_are_refused() -> None:
         found(*film(), 20000.0)
 
 
+@pytest.mark.slow
 def test_photographs_together_say_more_than_one_and_must_agree() -> None:
     each = [measure([one], [0.0], 1000.0) for one in film(contrast=0.05, frames=5)[0]]
     both = combined(each)

@@ -72,6 +72,7 @@ def test_derivatives_match_differences(model: str) -> None:
         np.testing.assert_allclose(by_lens[:, k], difference.ravel(), rtol=1e-4, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", TRUTH)
 def test_views_that_are_left_out_choose_the_lens_that_made_them(model: str) -> None:
     fit = calibrate(made(model, 14 if model == "fisheye" else 12))
@@ -139,6 +140,7 @@ def test_boards_of_tags_give_the_lens_though_parts_of_them_are_out_of_sight(name
     assert (np.abs(fit.lens.numbers[:4] - [FOCAL, FOCAL, 159.5, 119.5]) < 4 * fit.lens.std[:4]).all()
 
 
+@pytest.mark.slow
 def test_a_board_that_is_not_what_it_should_be_is_told_and_its_shape_found() -> None:
     views, truth = made("brown-conrady", 10, noise=0.1, off=1e-4), TRUTH["brown-conrady"]
     flat = calibrate(views, model="brown-conrady")
@@ -170,6 +172,7 @@ def opencvs(folder: Path) -> list[View]:
 PUBLISHED = np.array([535.91573396163199, 535.91573396163199, 342.28315473308373, 235.57082909788173])
 
 
+@pytest.mark.slow
 def test_opencvs_left_camera_is_found_as_opencv_finds_it(shared: Path) -> None:
     fit = calibrate(opencvs(shared / "real" / "boards" / "opencv_stereo_chessboard"))
     np.testing.assert_allclose(fit.lens.numbers[:3], PUBLISHED[:3], rtol=5e-3)
@@ -194,6 +197,7 @@ def test_with_the_corners_of_the_published_calibration_its_numbers_are_met(share
     np.testing.assert_allclose(numbers[:4], PUBLISHED, rtol=3e-4)
 
 
+@pytest.mark.slow
 def test_both_of_opencvs_cameras_find_the_same_bent_board(shared: Path) -> None:
     folder = shared / "real" / "boards" / "opencv_stereo_chessboard"
     shapes = []

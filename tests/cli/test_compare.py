@@ -65,6 +65,7 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(method_run, "runs_of", runs_of)
 
 
+@pytest.mark.slow
 def test_each_method_stands_in_the_report_and_a_failing_one_fails_alone(clip: Path, tmp_path: Path) -> None:
     report, truth = tmp_path / "report", clip.with_name("truth.mp4")
     words = (clip, "-o", report, "--truth", truth, "--methods", "rsvideo,uniform,stitch", *GOOD, "--crop", "8,8,32,24")
@@ -89,6 +90,7 @@ def test_each_method_stands_in_the_report_and_a_failing_one_fails_alone(clip: Pa
     assert (code, "give --overwrite" in line) == (4, True)
 
 
+@pytest.mark.slow
 def test_what_was_done_is_taken_over_unless_the_request_has_changed(clip: Path, tmp_path: Path) -> None:
     def order(readout: str = "20ms") -> method_run.Order:
         given = {"deblur.method": "none", "camera.exposure": "1/50", "camera.readout": readout}

@@ -154,6 +154,7 @@ def test_help_and_version_answer_without_loading_the_libraries(rsvideo: Run) -> 
     assert done.stdout == "[]\n"
 
 
+@pytest.mark.slow
 def test_an_unexpected_failure_shows_no_traceback_unless_asked(tmp_path: Path, photograph: Path) -> None:
     code = (
         "from rsvideo.restoration import single_frame\n"

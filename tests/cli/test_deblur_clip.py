@@ -92,6 +92,7 @@ def test_a_clip_is_closer_to_the_truth_than_before_and_keeps_its_sound(source: P
     assert packets(source, "audio") == packets(tmp_path / "out.mp4", "audio") != []
 
 
+@pytest.mark.slow
 def test_an_exposure_that_blur_does_not_show_is_told_and_nothing_is_deblurred(tmp_path: Path) -> None:
     moving = Moving(frames=8, rows=128, cols=192)
     clip = moving.clip(tmp_path / "clip.mp4")
@@ -145,6 +146,7 @@ def test_a_range_beside_its_source_is_a_preview(source: Path, tmp_path: Path) ->
     assert decode.probe(tmp_path / "out.mkv").times[0] == 0
 
 
+@pytest.mark.slow
 def test_a_smooth_path_is_shown_with_a_crop_that_is_told(tmp_path: Path) -> None:
     swaying = Moving(frames=8, reach=6.0)
     source = swaying.clip(tmp_path / "in.mkv")
@@ -248,6 +250,7 @@ def shown(folder: Path) -> dict[str, list[bytes]]:
     return {path.name: [b"".join(p.tobytes() for p in x.planes) for x in decode.pictures(decode.probe(path))] for path in clips}
 
 
+@pytest.mark.slow
 def test_two_workers_restore_the_same_bytes_as_one(job: Path) -> None:
     done = rsvideo("run", job, "-j", 1)
     assert done.returncode == 0, done.stderr

@@ -205,6 +205,7 @@ def on_the_path(folder: Path) -> dict[str, str]:
     return environment({"PATH": f"{command.parent}:{Path(sys.executable).parent}:{os.environ['PATH']}"})
 
 
+@pytest.mark.slow
 def test_the_slurm_script_restores_the_chunk_of_its_task(tmp_path: Path, job: Path) -> None:
     script = ["bash", str(FARMS / "slurm.sh"), str(job)]
     where = on_the_path(tmp_path)

@@ -37,6 +37,7 @@ def called(here: Path, *words: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(program, capture_output=True, text=True, timeout=120, cwd=here, env=environment, check=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("here", ["here", "job", "clip"])
 def test_workers_run_no_module_that_lies_about(trap: Path, here: str) -> None:
     done = called(trap / here, "run", trap / "job" / "job.yaml")
@@ -45,6 +46,7 @@ def test_workers_run_no_module_that_lies_about(trap: Path, here: str) -> None:
     assert (trap / "out" / "in_rsvideo.mp4").exists()
 
 
+@pytest.mark.slow
 def test_methods_that_are_compared_run_no_module_that_lies_about(trap: Path) -> None:
     done = called(trap / "here", "compare", trap / "clip" / "in.mp4", "-o", trap / "report", "--methods", "none")
     assert not (trap / "run").exists(), done.stderr

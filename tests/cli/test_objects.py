@@ -61,6 +61,7 @@ def test_a_bucket_gets_the_bytes_that_a_folder_gets(job: Path, bucket: Bucket, w
     assert tidy(job)
 
 
+@pytest.mark.slow
 def test_chunks_by_hand_on_machines_with_the_jobs_file_alone(job: Path, bucket: Bucket, whole: jobs.Files, tmp_path: Path) -> None:
     job.write_text(job.read_text().replace("*", "two.mov"))
     assert [each["chunk"] for each in json.loads(call("chunks", job).stdout)] == [0, 1, 2]

@@ -38,6 +38,7 @@ def planes(path: Path) -> list[np.ndarray]:
     return [plane for picture in decode.pictures(decode.probe(path)) for plane in picture.planes]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bare", [False, True])
 def test_through_pipes_a_clip_gets_the_pixels_that_it_gets_in_files(tmp_path: Path, bare: bool) -> None:
     source, files, piped = CLIP.clip(tmp_path / "in.mp4"), tmp_path / "files.mkv", tmp_path / "piped.mkv"

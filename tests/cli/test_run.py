@@ -125,6 +125,7 @@ def test_lines_for_machines_end_with_the_result(job: Path) -> None:
     assert [clip["restored"] for clip in lines[-1]["clips"]] == [14, 13, 8]
 
 
+@pytest.mark.slow
 def test_a_terminal_sees_the_batch_the_clip_the_frame_and_the_time_left(job: Path) -> None:
     ours, theirs = pty.openpty()
     program = [sys.executable, STAND_IN, "run", job]
@@ -246,6 +247,7 @@ def test_the_number_of_workers_changes_no_byte(job: Path, whole: dict[str, bytes
     assert results(job) == whole
 
 
+@pytest.mark.slow
 def test_a_job_killed_at_random_moments_ends_as_if_it_had_not_been(job: Path, whole: dict[str, bytes]) -> None:
     chance = random.Random(1)
     kept = 0

@@ -76,6 +76,7 @@ def test_a_result_that_was_changed_is_somebodys(halted: Path, name: str) -> None
     assert jobs.run(halted, "--overwrite").returncode == 0
 
 
+@pytest.mark.slow
 def test_what_appears_while_a_job_works_is_kept(job: Path) -> None:
     tally, output = job.with_name("tally"), job.parent / "restored" / "two_rsvideo.mov"
     with under_way("run", job, TALLY=tally, PACE=0.05) as working:
@@ -167,6 +168,7 @@ def test_a_file_that_the_job_reads_is_not_written_beside_a_result(job: Path, nam
     assert log.read_bytes() == jobs.MINE
 
 
+@pytest.mark.slow
 def test_a_hang_up_ends_a_run_whose_terminal_is_gone(job: Path, whole: jobs.Files) -> None:
     tally = job.with_name("tally")
     program = [sys.executable, str(STAND_IN), "run", str(job)]

@@ -91,6 +91,7 @@ def test_the_plan_and_the_check_tell_photographs_from_clips(job: Path) -> None:
     assert "1 clip and 2 photographs" in call("validate", job).stderr
 
 
+@pytest.mark.slow
 def test_what_is_done_is_not_done_again(job: Path) -> None:
     picture(job.parent / "photos" / "other.png", seed=2)
     with job.open("a") as file:

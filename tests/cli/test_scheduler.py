@@ -38,6 +38,7 @@ def machines(tmp_path: Path) -> Iterator[clusters.Machines]:
         yield machines
 
 
+@pytest.mark.slow
 def test_a_cluster_on_this_machine_writes_the_bytes_of_a_run(job: Path, whole: jobs.Files) -> None:
     tally = job.with_name("tally")
     done = call("run", job, "--scheduler", "local", how=None, TALLY=tally, **clusters.EVERYWHERE)
@@ -50,7 +51,7 @@ def test_a_cluster_on_this_machine_writes_the_bytes_of_a_run(job: Path, whole: j
 @pytest.mark.parametrize(
     ("address", "words"),
     [
-        ("tcp://127.0.0.1:9", ["nobody answers at tcp://127.0.0.1:9 within 10 s"]),
+        pytest.param("tcp://127.0.0.1:9", ["nobody answers at tcp://127.0.0.1:9 within 10 s"], marks=pytest.mark.slow),
         ("127.0.0.1:8786", ["scheduler must be local, or an address such as tcp://HOST:8786, got '127.0.0.1:8786'"]),
     ],
 )

@@ -160,6 +160,7 @@ def test_a_profile_that_has_no_lens_needs_a_focal_length(photo, tmp_path):
     assert "--focal-px, the profile of Wide has no intrinsics" in line
 
 
+@pytest.mark.slow
 def test_a_distorted_frame_is_restored_better_by_its_profile_than_without_its_distortion(tmp_path, samples):
     sharp = iio.imread(samples / "astronaut" / "truth.png")[60:260, 100:360]
     iio.imwrite(tmp_path / "sharp.png", sharp)

@@ -63,6 +63,7 @@ def planes(path: Path) -> list[tuple[np.ndarray, ...]]:
     return [picture.planes for picture in decode.pictures(decode.probe(path))]
 
 
+@pytest.mark.slow
 def test_restored_along_its_track_a_clip_is_the_same_as_restored_at_once(source: Path, motion: Path, plain: Path, tmp_path: Path) -> None:
     command("deblur", source, "-o", tmp_path / "along.mkv", *LOSSLESS, "--trajectory", motion)
     wanted, found = planes(plain), planes(tmp_path / "along.mkv")

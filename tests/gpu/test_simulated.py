@@ -5,11 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from rsvideo.gpu.device import SIMULATOR
 
 CHECKOUT = Path(__file__).resolve().parent.parent.parent
 
 
+@pytest.mark.slow
 def test_in_the_simulator_the_kernels_agree_with_their_twins() -> None:
     words = ["-m", "pytest", "tests/gpu/twins", "-q", "-n", "0", "-p", "no:cacheprovider", "-m", "gpu"]
     done = subprocess.run(

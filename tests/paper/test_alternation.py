@@ -98,6 +98,7 @@ def test_every_direction_of_readout_gives_the_same_image_turned(way):
     np.testing.assert_allclose(way.image(one), two, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("coefficients", [SHIFT, TURN], ids=["shift", "turn"])
 def test_the_latent_image_is_nearer_the_truth_than_the_frame(coefficients):
     b, latent, K = taken(coefficients)

@@ -30,6 +30,7 @@ def scene() -> Scene:
     return Scene(frame=frame, valid=np.ones_like(frame), camera=camera, samples=16, tiles=1, noise=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "refinement", "stages"),
     [

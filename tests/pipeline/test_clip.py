@@ -240,6 +240,7 @@ def task_of(moving: tuple[Moving, Path], output: Path, **words: Any) -> Task:
     return prepare(asked(source, output, exposure=0.02, readout=0.02, focal_px=first.camera.fx, **words))
 
 
+@pytest.mark.slow
 def test_a_chunk_restored_twice_and_in_any_order_has_the_same_bytes(moving: tuple[Moving, Path], tmp_path: Path) -> None:
     task = task_of(moving, tmp_path / "out.mkv", prior="tv", quality="draft")
     cut = chunks(task)

@@ -36,6 +36,7 @@ def as_luma(picture: np.ndarray) -> np.ndarray:
     return 16 + picture.astype(float).mean(axis=2) * 219 / 255
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [1, 2])
 def test_the_middle_frame_of_a_clip_is_sharper(source: Path, tmp_path: Path, times: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """At half size it is compared with the halved truth."""

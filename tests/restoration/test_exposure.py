@@ -16,6 +16,7 @@ from tests.pipeline.moving import RATE, Moving
 MOVING = Moving(frames=8, rows=128, cols=192)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("assumed", [0.008, 0.03])
 def test_the_exposure_of_a_clip_shows_in_its_blur(assumed: float) -> None:
     found = exposure.measured(taken(MOVING.recorded, assumed), 1 / RATE)

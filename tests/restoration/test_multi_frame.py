@@ -48,6 +48,7 @@ def test_pieces_that_disagree_fade_into_each_other() -> None:
     assert speed < 3 * np.abs(np.diff(sway(2).at(t), axis=0)).max() / np.diff(t).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", list(Direction))
 def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(direction: Direction) -> None:
     moving = Moving(frames=5, direction=direction, reach=9.0)
@@ -67,6 +68,7 @@ def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(directi
             assert np.sqrt(((wrong + true) ** 2).sum(axis=1).mean()) > 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("times", "verdict"), [(1.0, Verdict.RESTORED), (2.0, Verdict.DISAGREES)])
 def test_frames_are_deblurred_only_where_their_blur_shows_the_exposure(times: float, verdict: Verdict) -> None:
     moving = Moving(frames=8, rows=128, cols=192)

@@ -53,6 +53,7 @@ def backwards(curve: Polynomial):
     return curve.with_coefficients(curve.coefficients * np.array([1, -1, 1, -1])[:, None])
 
 
+@pytest.mark.slow
 def test_the_path_is_found_back_and_overlapping_exposures_tell_its_sense_of_time():
     true = path()
     found = fit(strips(true), Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=COARSE)

@@ -174,6 +174,7 @@ def test_the_objective_falls_from_step_to_step(blindly):
     assert list(values) == sorted(values, reverse=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [Direction.TOP_TO_BOTTOM, Direction.RIGHT_TO_LEFT])
 def test_a_path_that_is_known_to_some_extent_is_corrected(way):
     camera = Intrinsics.centred(focal=300.0, rows=130, cols=190)

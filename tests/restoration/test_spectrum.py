@@ -114,6 +114,7 @@ def test_the_path_is_found_from_nothing_but_for_its_sign(scene: Scene) -> None:
     assert min(path_error(best.at(TIMES), sign * PATH.at(TIMES)) for sign in (1, -1)) < 0.8
 
 
+@pytest.mark.slow
 def test_a_frame_at_rest_shows_a_short_path_or_one_that_explains_no_more() -> None:
     scene = taken(moved((0, 0, 0)))
     found = spectral_paths(scene, Settings())

@@ -67,6 +67,7 @@ def heard(browser: Browser, page: Path) -> list[str]:
     return [words for words in found if words != page.as_uri() and not words.startswith(("data:", "blob:"))]
 
 
+@pytest.mark.slow
 def test_no_name_and_no_tag_becomes_an_element_or_runs(browser: Browser, pages: list[Path]) -> None:
     assert {page.parent.name: heard(browser, page) for page in pages} == {page.parent.name: [] for page in pages}
 

@@ -87,6 +87,7 @@ print(hashlib.sha256(solved.tobytes()).hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_loops_that_are_compiled_just_now_give_the_bits_that_cached_ones_give(tmp_path):
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     compiled, cached = (

@@ -43,6 +43,7 @@ def views(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return sorted(dropped.iterdir())
 
 
+@pytest.mark.slow
 def test_a_camera_is_measured_and_its_profile_saved(browser: Browser, server: Server, folder: Path, views: list[Path]) -> None:
     with tab(browser, f"{server.address}calibrate") as page:
         page.fill("#board", BOARD)
