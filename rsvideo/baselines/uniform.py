@@ -9,6 +9,7 @@ import time
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rsvideo.baselines.kernel_verdict import believed
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics import tiles
 from rsvideo.physics.tiles import Tile
@@ -26,7 +27,7 @@ KERNELS = KernelSettings(  # one kernel explains all of the frame, so it can be 
 
 
 def restored(view: View, settings: Settings) -> FrameResult:
-    """The latent image of a frame under one kernel; where that is no blur, or nothing shows it, the frame as it was."""
+    """The latent image of a frame under one kernel; where that is no blur, or the frame does not bear it out, the frame as it was."""
     started = time.monotonic()
     scene = scene_of(view, settings)
     latent = psfs = None
@@ -35,6 +36,8 @@ def restored(view: View, settings: Settings) -> FrameResult:
         if border_share(kernel) >= FULL and SIZES[1:]:
             kernel = fitted(windowed(scene).frame, SIZES[1:], KERNELS)
         psfs = kernel[None, None]
+        verdict = Verdict.RESTORED if believed(scene, kernel) else Verdict.UNEXPLAINED
+    if verdict is Verdict.RESTORED:
         latent = deconvolved(view.pixels, view.clipped, psfs[0, 0], settings, view.noise)
     return finished(view, latent, psfs, verdict, started)
 

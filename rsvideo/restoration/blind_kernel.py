@@ -47,12 +47,8 @@ def l0_latent(
 ) -> Float[np.ndarray, "rows cols"]:
     """argmin_l |k * l - b|^2 + weight |grad l|_0 by half-quadratic splitting; the image is periodic."""
     shape = image.shape
-    spectrum = _spectrum(image)
-    k = _spectrum(_centred_at_origin(kernel, shape))
-    data, power = k.conj() * spectrum, np.abs(k) ** 2
-    fx = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[1] // 2 + 1) / shape[1])) ** 2
-    fy = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[0]) / shape[0])) ** 2
-    laplacian = (fx[None] + fy[:, None]).astype(np.float32)
+    data, power = _normal_equations(image, kernel)
+    laplacian = _laplacian(shape)
     latent, beta = image, np.float32(2 * weight)
     while beta < settings.finest_beta:
         gx, gy = np.roll(latent, -1, 1) - latent, np.roll(latent, -1, 0) - latent
@@ -63,6 +59,14 @@ def l0_latent(
         latent = _image((data + beta * _spectrum(divergence)) / (power + beta * laplacian), shape)
         beta = np.float32(beta * settings.beta_factor)
     return latent
+
+
+def ridge_latent(image: Float[np.ndarray, "rows cols"], kernel: Float[np.ndarray, "k k"], ridge: float) -> Float[np.ndarray, "rows cols"]:
+    """argmin_l |k * l - b|^2 + ridge |grad l|^2 of an image that is made periodic beyond its sides."""
+    joined = wrapped(image, 2 * len(kernel))
+    data, power = _normal_equations(joined, kernel)
+    latent = _image(data / (power + np.float32(ridge) * _laplacian(joined.shape)), joined.shape)
+    return latent[: image.shape[0], : image.shape[1]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -232,6 +236,21 @@ def _spectrum(image: Float[np.ndarray, "rows cols"]) -> Complex[np.ndarray, "row
 
 def _image(spectrum: Inexact[np.ndarray, "rows frequencies"], shape: tuple[int, ...]) -> Float[np.ndarray, "rows cols"]:
     return np.asarray(scipy.fft.irfft2(spectrum, shape))
+
+
+def _normal_equations(
+    image: Float[np.ndarray, "rows cols"], kernel: Float[np.ndarray, "k k"]
+) -> tuple[Complex[np.ndarray, "rows frequencies"], Float[np.ndarray, "rows frequencies"]]:
+    """conj(k) b and |k|^2, by frequency; the image is periodic."""
+    k = _spectrum(_centred_at_origin(kernel, image.shape))
+    return k.conj() * _spectrum(image), np.abs(k) ** 2
+
+
+def _laplacian(shape: tuple[int, ...]) -> Float[np.ndarray, "rows frequencies"]:
+    """|grad|^2 by frequency."""
+    fx = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[1] // 2 + 1) / shape[1])) ** 2
+    fy = np.abs(1 - np.exp(-2j * np.pi * np.arange(shape[0]) / shape[0])) ** 2
+    return (fx[None] + fy[:, None]).astype(np.float32)
 
 
 def _gradients(image: Float[np.ndarray, "rows cols"]) -> list[Float[np.ndarray, "rows cols"]]:

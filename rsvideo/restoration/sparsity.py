@@ -258,9 +258,16 @@ def density(
     value, weight = np.zeros(scene.frame.shape, np.float32), np.zeros(scene.frame.shape, np.float32)
     for tile, whole in _latent_images(scene, trajectory, ridge):
         down, across = (slice(border, side - border) for border, side in zip(BORDER, whole.shape, strict=True))
-        image = whole[down, across]
-        magnitude, _, local = _local_power(np.diff(image, axis=1)[:-1] ** 2 + np.diff(image, axis=0)[:, :-1] ** 2)
-        w = texture_weight(scene.frame[:, tile.first : tile.last][down, across], scene.gradient_power)
+        frame = scene.frame[:, tile.first : tile.last][down, across]
         place = (slice(down.start, down.stop - 1), slice(tile.first + across.start, tile.first + across.stop - 1))
-        value[place], weight[place] = w * (magnitude / np.sqrt(local)) ** power, w
+        value[place], weight[place] = relative_gradients(whole[down, across], frame, scene.gradient_power, power)
     return value, weight
+
+
+def relative_gradients(
+    latent: Float[np.ndarray, "rows cols"], frame: Float[np.ndarray, "rows cols"], typical: float, power: float
+) -> tuple[Float[np.ndarray, "r c"], Float[np.ndarray, "r c"]]:
+    """w (|grad l| / rms_local(grad l))^power of each pixel, and w; both have one row and column less. `typical` is as in texture_weight."""
+    magnitude, _, local = _local_power(np.diff(latent, axis=1)[:-1] ** 2 + np.diff(latent, axis=0)[:, :-1] ** 2)
+    weight = texture_weight(frame, typical)
+    return weight * (magnitude / np.sqrt(local)) ** power, weight
