@@ -1,7 +1,7 @@
 """Whether a frame bears out the kernel that was found for it, by the evidence that paths are judged by (restoration.evidence).
 
 Gradients of the latent image are sparser under the true kernel than under its mirror image, and than under the same kernel smaller and
-larger. What a wrong kernel leaves is ringing, whichever way round it is.
+larger. A wrong kernel leaves ringing, mirrored or not, larger or smaller.
 """
 
 import cv2
@@ -50,7 +50,7 @@ def length(kernel: Float[np.ndarray, "k k"]) -> int:
 
 
 def stretched(kernel: Float[np.ndarray, "k k"], times: float) -> Float[np.ndarray, "n n"]:
-    """The kernel `times` as large about its middle, of sum 1; what each part of a pixel holds is shared by the two nearest, either way."""
+    """The kernel `times` as large about its middle, of sum 1; what a part of a pixel holds is shared by the next two, across and down."""
     half = len(kernel) // 2
     wide = int(np.ceil(half * max(times, 1))) + 1
     parts = cv2.resize(kernel, None, fx=PARTS, fy=PARTS, interpolation=cv2.INTER_LINEAR)
