@@ -3,6 +3,9 @@
 The latent images of a frame's neighbours are brought to its pose and averaged with its own, the shortest blur weighing
 most, into a target t. What does not belong there (what moved by itself, or was hidden) shows in the frame itself:
 where K t_j of a neighbour j does not explain b, it counts for nothing. Then l = argmin |K l - b|^2 + rho |l - t|^2.
+
+Where neighbours show a place and none explains the frame, the frame's own latent image has nobody to agree with: mostly a path that is
+wrong there, whatever its residual says.
 """
 
 from collections.abc import Sequence
@@ -49,13 +52,19 @@ class PosedImage:
         return 1 / max(self.length, SHORTEST) ** 2
 
 
-def fused(
-    frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], intrinsics: Intrinsics, noise: float
-) -> Float[np.ndarray, "rows cols channels"]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fused:
+    """A frame restored with its neighbours, and how well the one that agrees best explains it."""
+
+    latent: Float[np.ndarray, "rows cols channels"]
+    explained: Float[np.ndarray, "rows cols"]  # 0 to 1; 1 also where no neighbour shows the place
+
+
+def fused(frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], intrinsics: Intrinsics, noise: float) -> Fused:
     """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'."""
     sharpest = sorted((o for o in others if o.weight > FAINTEST * first.weight), key=lambda o: -o.weight)[:MOST]
     if not sharpest:
-        return first.latent
+        return Fused(latent=first.latent, explained=np.ones(first.latent.shape[:2], np.float32))
     pixels, valid = frame.observed()
     observed, unclipped = _grey(pixels), valid.min(axis=2)
 
@@ -64,12 +73,15 @@ def fused(
 
     limit = DOUBT**2 * (misfit(first.latent) + noise**2 / 2)
     total, weights = first.weight * first.latent, np.full(first.latent.shape[:2], first.weight, np.float32)
+    explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
     for other in sharpest:
         image, there = _at_pose(first, other, intrinsics)
-        weight = (there * other.weight * np.exp(-misfit(image) / limit)).astype(np.float32)
+        agreement = np.asarray(there * np.exp(-misfit(image) / limit), np.float32)
+        explained, shown = np.maximum(explained, agreement), shown | there
+        weight = np.float32(other.weight) * agreement
         total += weight[..., None] * image
         weights += weight
-    return frame.towards(total / weights[..., None], RIDGE)
+    return Fused(latent=frame.towards(total / weights[..., None], RIDGE), explained=np.where(shown, explained, np.float32(1)))
 
 
 def _grey(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:

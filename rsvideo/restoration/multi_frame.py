@@ -23,7 +23,7 @@ from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
-from rsvideo.restoration.trust import LONG, trust
+from rsvideo.restoration.trust import LONG, agreement, trust
 
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # px, from which on it is fully restored
@@ -42,6 +42,7 @@ class _Waiting:
     image: PosedImage | None = None  # None where it cannot serve others, nor they it
     straight: Float[np.ndarray, "rows cols channels"] | None = None  # the frame rectified, shown where the restoration is not trusted
     share: Float[np.ndarray, "rows cols 1"] | float | np.float32 = 1.0  # of the restoration in what is shown
+    given: bool = False  # a motion that was not estimated, which is followed whatever the neighbours show
     noise: float = 0.0  # of the frame, as its blur's model leaves it
 
     def mixed(self, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
@@ -148,16 +149,18 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
     noise = single_frame.model_noise(view, evidence.error if evidence else 0.0)
     alone = single_frame.restored(view, settings, path=path, noise=noise, flow=flow)
-    waiting = _Waiting(restored=alone, flow=flow, straight=straight, share=moved * judged.share, noise=noise)
+    waiting = _Waiting(restored=alone, flow=flow, straight=straight, share=moved * judged.share, given=evidence is None, noise=noise)
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)
 
 
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
-    """The frame restored with its neighbours."""
+    """The frame restored with its neighbours, and where none of them agrees, straightened only."""
     alone, image = waiting.restored, waiting.image
     if image is None or alone.verdict is not Verdict.RESTORED or too_long(alone.view, image.length):
         return alone
     started, view = time.monotonic(), alone.view
-    latent = fused(tiled_frame(view, alone.trajectory, settings, waiting.flow), image, others, view.camera.intrinsics, waiting.noise)
-    return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)
+    both = fused(tiled_frame(view, alone.trajectory, settings, waiting.flow), image, others, view.camera.intrinsics, waiting.noise)
+    if not waiting.given:
+        waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None])
+    return replace(alone, latent=waiting.mixed(both.latent), seconds=alone.seconds + time.monotonic() - started)

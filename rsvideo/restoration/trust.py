@@ -3,7 +3,7 @@
 s, the focus along the path (restoration.focus), scatters about 0 along a wrong path, or one cut to a wrong exposure, and is positive
 along a true one. So does d, by how much less of the spectra (restoration.spectrum) the path leaves unexplained than rest does, and than
 the same path turned by a right angle. Both are measured over the frames of a run, whose path was found without blur; s also about each
-pixel.
+pixel. Last, what the neighbours show counts: where none of them explains the frame (restoration.fusion), its restoration is not shown.
 """
 
 from collections.abc import Sequence
@@ -21,6 +21,8 @@ from rsvideo.restoration.verdict import across
 
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
 OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
+APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
+AGREEMENT = 15  # px over which that is averaged
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
 FULL_VOTES = 0.005, 0.02  # s and d of a frame, beyond which they hardly count more, so that no frame outweighs many; origin: by trial
 CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
@@ -63,3 +65,9 @@ def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "r
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))
     share = np.clip((focus - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
+
+
+def agreement(explained: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+    """The share of a restoration that its neighbours grant, 0 to 1; `explained` is `fusion.Fused`'s."""
+    share = np.clip((explained - APART) / (AGREED - APART), 0, 1).astype(np.float32)
+    return cv2.blur(share, (AGREEMENT, AGREEMENT))

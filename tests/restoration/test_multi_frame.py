@@ -5,16 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsvideo.frame import Verdict
+from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration import multi_frame
 from rsvideo.restoration.clip_motion import movement
-from rsvideo.restoration.movement import joined
+from rsvideo.restoration.movement import Evidence, Movement, joined
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
 from tests.restoration.swaying import BEGINS, END, TIMING, sway
+
+STRANGER = np.s_[20:76, 50:110]
 
 
 def pieces(path: Trajectory, timing: ShutterTiming) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
@@ -91,3 +93,49 @@ def test_a_cut_ends_one_path_and_frames_without_a_neighbour_stand_alone() -> Non
     alone = movement(frames[2:], taken_by(first), Settings())
     assert alone.within == [None]
     np.testing.assert_array_equal(alone.steps, np.zeros((1, 3)))
+
+
+def with_a_stranger() -> tuple[Moving, list[Frame], Movement]:
+    """A scene that the camera passes; the middle frame alone shows something else in a part of it."""
+    moving, other = Moving(frames=5, reach=12.0), Moving(frames=5, reach=12.0, scene="page")
+    frames = moving.recorded
+    pixels = frames[2].pixels.copy()
+    pixels[STRANGER] = other.recorded[2].pixels[STRANGER]
+    frames[2] = replace(frames[2], pixels=pixels)
+    middles = moving.path.at(moving.begins + moving.timing.middle)
+    found = Movement(
+        within=[moving.way(k).shifted(-middle) for k, middle in enumerate(middles)],
+        steps=np.vstack([np.diff(middles, axis=0), np.zeros((1, 3))]),
+        tied=[True] * (len(frames) - 1) + [False],
+        evidence=[Evidence(flow=None, error=0.0, share=1.0, certainty=1.0)] * len(frames),
+    )
+    return moving, frames, found
+
+
+@pytest.fixture
+def in_focus(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each frame's own gradients believe every path."""
+    monkeypatch.setattr(multi_frame, "trust", lambda scene, *_: np.ones(scene.frame.shape, np.float32))
+
+
+@pytest.mark.usefixtures("in_focus")
+def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.MonkeyPatch) -> None:
+    moving, frames, found = with_a_stranger()
+    how = {"camera": taken_by(moving), "settings": Settings(prior="tv")}
+    checked = list(multi_frame.restored(frames, found, **how))[2].latent
+    monkeypatch.setattr(multi_frame, "agreement", np.ones_like)
+    unchecked = list(multi_frame.restored(frames, found, **how))[2].latent
+    inner = np.s_[STRANGER[0].start + 10 : STRANGER[0].stop - 10, STRANGER[1].start + 10 : STRANGER[1].stop - 10]
+    deblurred, left = (np.abs(np.diff(each[inner], axis=1)).mean() for each in (unchecked, checked))
+    assert deblurred > 1.3 * left
+    apart = np.ones(checked.shape[:2], bool)
+    apart[:, STRANGER[1].start - 24 : STRANGER[1].stop + 24] = False
+    assert np.abs(checked - unchecked)[apart].mean() < 0.01
+
+
+@pytest.mark.usefixtures("in_focus")
+def test_a_motion_that_was_given_is_followed_whatever_the_neighbours_show() -> None:
+    moving, frames, found = with_a_stranger()
+    how = {"camera": taken_by(moving), "settings": Settings(prior="tv")}
+    found, given = (list(multi_frame.restored(frames, motion, **how))[2].latent for motion in (found, replace(found, evidence=[])))
+    assert np.abs(np.diff(given[STRANGER], axis=1)).mean() > 1.2 * np.abs(np.diff(found[STRANGER], axis=1)).mean()
