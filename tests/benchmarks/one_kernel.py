@@ -9,6 +9,7 @@ The baseline `uniform` restores it with total variation. FILE gets a row a still
 """
 
 import argparse
+import json
 import os
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -86,16 +87,31 @@ def main() -> None:
     request = parser.parse_args()
     os.environ |= {"RSVIDEO_THREADS": "1", "OMP_NUM_THREADS": "1"} if request.jobs > 1 else {}
     photographs = sorted(path for path in request.photos.rglob("*.jpg") if half(path) == request.half)
-    stills = []
+    stills, summary = [], []
     for shutter in SHUTTERS:
         with ProcessPoolExecutor(request.jobs) as pool:
             rows = [row for row in pool.map(partial(measured, shutter=shutter, seed=request.seed), photographs) if row]
         stills += rows
-        for words, used in (("all", rows), ("believed", [row for row in rows if row["believed"]])):
-            gains = [row["gain_db"] for row in used]
-            harmed = sum(gain < -HARM for gain in gains)
-            print(f"{shutter}, {words}: {len(gains)} kernels, {sum(gains) / len(rows):.2f} dB, {harmed} harmed, least {min(gains):.2f}")
-    published.write(request.output, {"one_kernel": stills})
+        summary += [
+            summed(shutter, "all", rows, len(rows)),
+            summed(shutter, "believed", [row for row in rows if row["believed"]], len(rows)),
+        ]
+    request.output.write_text(json.dumps({"summary": summary, "stills": stills}, indent=1) + "\n")
+    published.print_rows(summary)
+
+
+def summed(shutter: str, kernels: str, used: list[dict], stills: int) -> dict:
+    """What these kernels do, over all stills with that shutter: a still whose kernel is not used gains nothing."""
+    gains = [row["gain_db"] for row in used]
+    return {
+        "shutter": shutter,
+        "kernels": kernels,
+        "stills": stills,
+        "used": len(used),
+        "mean_gain_db": sum(gains) / stills,
+        "harmed": sum(gain < -HARM for gain in gains),
+        "least_db": min(gains, default=0.0),
+    }
 
 
 if __name__ == "__main__":
