@@ -35,10 +35,11 @@ def restored(view: View, settings: Settings) -> FrameResult:
     if verdict is Verdict.RESTORED:
         if border_share(kernel) >= FULL and SIZES[1:]:
             kernel = fitted(windowed(scene).frame, SIZES[1:], KERNELS)
-        psfs = kernel[None, None]
-        verdict = Verdict.RESTORED if believed(scene, kernel) else Verdict.UNEXPLAINED
+        if not believed(scene, kernel):
+            verdict = Verdict.UNEXPLAINED
     if verdict is Verdict.RESTORED:
-        latent = deconvolved(view.pixels, view.clipped, psfs[0, 0], settings, view.noise)
+        psfs = kernel[None, None]
+        latent = deconvolved(view.pixels, view.clipped, kernel, settings, view.noise)
     return finished(view, latent, psfs, verdict, started)
 
 

@@ -41,14 +41,15 @@ def measured(photograph: Path, shutter: str, seed: int) -> dict | None:
     """A still, the gain of the kernel that is found for it, and what speaks for the kernel; None where there is no blur to undo."""
     rng = np.random.default_rng([seed, list(SHUTTERS).index(shutter), *digest(photograph)[:8]])
     codes = cv2.imread(str(photograph), cv2.IMREAD_GRAYSCALE)
+    assert codes is not None
     scale = min(1.0, LARGE / min(codes.shape))
     light = (cv2.resize(codes, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA).astype(np.float32) / 255) ** 2.2
-    exposure, readout, side = SHUTTERS[shutter]
-    given = rsvideo.Shutter(exposure=float(rng.uniform(*exposure)), readout=float(rng.uniform(*readout)))
+    exposures, readouts, side = SHUTTERS[shutter]
+    exposure, readout = float(rng.uniform(*exposures)), float(rng.uniform(*readouts))
     focal = float(rng.uniform(*FOCAL)) * LARGE
     shot = rsvideo.simulate(
         light,
-        shutter=given,
+        shutter=rsvideo.Shutter(exposure=exposure, readout=readout),
         camera=rsvideo.Camera(focal_px=focal),
         blur_px=float(rng.uniform(*BLUR)),
         noise=float(rng.uniform(*NOISE)),
@@ -56,7 +57,7 @@ def measured(photograph: Path, shutter: str, seed: int) -> dict | None:
         size=(side, side),
     )
     blurred, truth = (np.asarray(picture, np.float32).reshape(side, side, 1) for picture in (shot.blurred, shot.truth))
-    timing = ShutterTiming(exposure=given.exposure, row_time=given.readout / side, rows=side)
+    timing = ShutterTiming(exposure=exposure, row_time=readout / side, rows=side)
     camera = Camera(timing=timing, intrinsics=Intrinsics.centred(focal=focal, rows=side, cols=side))
     view = to_scanlines(Frame(pixels=blurred, clipped=blurred >= 1), camera)
     scene = scene_of(view, SETTINGS)
