@@ -12,6 +12,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 HOMES = sorted(path.stem for path in (CHECKOUT / "rsvideo" / "api").glob("*.py") if not path.stem.startswith("_"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HOMES)
 def test_every_example_shows_what_it_says(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(CHECKOUT)  # examples read samples/

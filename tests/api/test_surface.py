@@ -29,6 +29,7 @@ def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
         rsvideo.deblurr  # noqa: B018 # pyright: ignore[reportAttributeAccessIssue]
 
 
+@pytest.mark.slow
 def test_a_type_checker_sees_every_public_name(tmp_path: Path) -> None:
     checker = Path(sys.executable).with_name("basedpyright")
     used = tmp_path / "used.py"

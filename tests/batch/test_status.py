@@ -43,6 +43,7 @@ def a_chunk_is_done(held: Status) -> bool:
     return bool(held.clips) and held.clips[0].chunks_done >= 1
 
 
+@pytest.mark.slow
 def test_a_run_states_how_far_it_is_and_leaves_nothing_when_all_is_done(job: Path) -> None:
     with under_way("run", job, "--progress", "none", PACE=0.05) as run:
         held = until(job, lambda s: s.done > 2 and a_chunk_is_done(s))
@@ -105,6 +106,7 @@ def test_a_run_that_was_killed_is_not_alive(job: Path) -> None:
     assert (held.state, held.alive) == ("running", False)
 
 
+@pytest.mark.slow
 def test_a_clip_that_fails_is_stated_with_its_reason(job: Path) -> None:
     (job.parent / "b.mp4").write_bytes(b"mn!p")
     assert call("run", job).returncode == 3

@@ -65,12 +65,14 @@ def upwards() -> Explained:
     return found(film(-0.02))
 
 
+@pytest.mark.slow
 def test_a_readout_upwards_is_told_from_one_downwards(upwards: Explained) -> None:
     explained = upwards
     assert explained.readout == pytest.approx(0.02, rel=0.05)
     assert explained.direction is Direction.BOTTOM_TO_TOP
 
 
+@pytest.mark.slow
 def test_a_global_shutter_is_told_as_no_readout_and_no_direction() -> None:
     explained = found(film(0.0))
     assert explained.readout < 3 * explained.std < 0.002
@@ -83,6 +85,7 @@ def test_the_cost_is_lowest_near_the_readout_and_told_for_all_that_was_tried(upw
     assert explained.readouts[0] < -1 / FPS < 1 / FPS < explained.readouts[-1]
 
 
+@pytest.mark.slow
 def test_a_steady_pan_says_nothing() -> None:
     with pytest.raises(CannotTellError, match="its motion does not show it"):
         found(film(0.02, rms=0.0, pan=60.0))

@@ -98,6 +98,7 @@ def test_a_raw_sequence_becomes_a_clip(rsvideo: Run, tmp_path: Path) -> None:
     assert (written.frames, written.rows, written.cols) == (3, 48, 64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "frames"), [(24, 1), (2, 3), (1000, 3)])
 def test_few_frames_and_odd_rates_are_restored(rsvideo: Run, tmp_path: Path, rate: int, frames: int) -> None:
     known = ()

@@ -105,6 +105,7 @@ def test_workers_that_are_killed_or_find_the_disk_full_leave_nothing_half_done(j
     finished(job, whole)
 
 
+@pytest.mark.slow
 def test_what_a_worker_that_was_killed_has_left_is_cleared_away_by_the_next(job: Path, tmp_path: Path) -> None:
     own, tally = tmp_path / "own", job.with_name("tally")
     own.mkdir()

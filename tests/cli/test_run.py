@@ -288,6 +288,7 @@ def test_a_source_that_changes_while_it_is_read_is_no_result(job: Path) -> None:
     assert "a b_rsvideo.mp4" not in results(job)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_an_interrupt_keeps_what_is_done_and_says_how_to_go_on(
     job: Path, whole: dict[str, bytes], sent: signal.Signals, code: int, monkeypatch: pytest.MonkeyPatch
@@ -363,6 +364,7 @@ def test_a_chunk_that_kills_two_workers_fails_its_clip_and_the_others_go_on(job:
     assert tally.read_text().splitlines().count(AT_LAST) == 2
 
 
+@pytest.mark.slow
 def test_two_runs_of_one_job_do_not_meet(job: Path, whole: dict[str, bytes]) -> None:
     tally = job.with_name("tally")
     with under_way("run", job, TALLY=tally, HELD="c.mp4 0") as working:

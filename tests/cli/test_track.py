@@ -74,6 +74,7 @@ def test_restored_along_its_track_a_clip_is_the_same_as_restored_at_once(source:
             np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_a_track_foretells_the_verdicts(motion: Path, plain: Path) -> None:
     foretold, met = (
         [frame["verdict"] for frame in json.loads(path.read_text())["frames"]] for path in (motion, plain.with_suffix(".rsvideo.json"))

@@ -49,6 +49,7 @@ def gain(latent: np.ndarray, k: int) -> float:
     return psnr(after, truth) - psnr(before, truth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "least"),
     [

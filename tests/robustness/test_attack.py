@@ -20,6 +20,7 @@ def check(names: list[str], jobs: int) -> None:
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.slow
 def test_a_sample_of_the_attack_is_refused_or_restored() -> None:
     check(attack.sample(45, 15, attack.names(FILES, REQUESTS)), jobs=1)
 

@@ -46,6 +46,7 @@ def survives(job: Path, whole: jobs.Files, sent: signal.Signals, chance: random.
     return code
 
 
+@pytest.mark.slow
 def test_a_run_that_is_ended_goes_on_to_the_same_bytes(tmp_path: Path, whole: jobs.Files) -> None:
     survives(jobs.make(tmp_path / "job"), whole, signal.SIGTERM, random.Random(3))
 

@@ -18,6 +18,7 @@ from tests.robustness import jobs
 from tests.view.servers import STAND_IN, Server, serving
 from tests.view.tabs import PATIENCE, tab
 
+pytestmark = pytest.mark.slow
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 HOSTILE = "<img src=x onerror=document.title='run'> & \"q\" \u202e4gpj\x1b.mp4"
 SHOWN = HOSTILE.replace("\u202e", "\\u202e").replace("\x1b", "\\x1b")
@@ -46,7 +47,6 @@ def previewed(page: Page) -> bytes:
     return page.request.get(page.evaluate("document.getElementById('right-image').src")).body()
 
 
-@pytest.mark.slow
 def test_a_clip_is_tried_saved_run_and_found_by_a_page_that_comes_later(browser: Browser, server: Server, folder: Path) -> None:
     with tab(browser, server.address) as page:
         page.click("text=walk.mp4")
@@ -162,7 +162,6 @@ def test_a_run_outlives_the_server(tmp_path: Path) -> None:
         time.sleep(0.1)
 
 
-@pytest.mark.slow
 def test_a_job_that_cannot_be_run_says_why(browser: Browser, server: Server, folder: Path) -> None:
     (folder / "bad.yaml").write_text("clips: [other.mp4]\ndefaults: {camera: {exposre: 1/50}}\n")
     (folder / "late.yaml").write_text("output: {folder: out}\nclips:\n  - source: broken.mp4\n    camera: {exposure: 1/50}\n")
