@@ -14,6 +14,7 @@ class Verdict(enum.StrEnum):
     """What became of a frame; the values are the sentences a person reads."""
 
     RESTORED = "restored"
+    UNDIRECTED = "deblurred, not straightened: its blur does not tell which way the camera moved"
     STRAIGHTENED = "straightened, not deblurred: it has too little blur, or blur that its motion does not explain"
     DISAGREES = "straightened, not deblurred: the blur of its neighbours and its own does not show the exposure that is assumed"
     SHARP = "left as it was: the frame is sharp already"
@@ -25,7 +26,12 @@ class Verdict(enum.StrEnum):
     @property
     def changed(self) -> bool:
         """Whether the latent image is shown, and not the frame as it came."""
-        return self is Verdict.RESTORED or self.straightened
+        return self.deblurred or self.straightened
+
+    @property
+    def deblurred(self) -> bool:
+        """Whether the frame's blur is undone, and, unless its direction is open, the displacement of its scanlines too."""
+        return self in (Verdict.RESTORED, Verdict.UNDIRECTED)
 
     @property
     def straightened(self) -> bool:

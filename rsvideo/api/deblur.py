@@ -15,7 +15,7 @@ from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
 from rsvideo.api.treatment import Prepared, Stated
-from rsvideo.frame import Frame, Verdict
+from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera as RollingShutterCamera
 from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Trajectory as Curve
@@ -75,7 +75,7 @@ def deblur(
     light, prepared = _prepared(image, Stated.of(shutter, camera, settings, transfer=transfer, moved=trajectory is not None))
     path = _curve(trajectory, prepared.treatment.camera)
     result = methods.photograph(prepared.treatment, Frame(pixels=light.pixels, clipped=light.clipped), path, observe or ignore)
-    latent = light.like_source(result.latent.astype(np.float32)) if result.verdict is Verdict.RESTORED else light.source.copy()
+    latent = light.like_source(result.latent.astype(np.float32)) if result.verdict.deblurred else light.source.copy()
     return public(result, latent, camera=prepared.treatment.camera.intrinsics, notes=prepared.notes)
 
 

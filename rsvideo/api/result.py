@@ -22,7 +22,8 @@ class Result:
 
     Attributes:
         latent: The sharp picture at the pose of the middle of its interval, in the shape and kind that was given: uint8 or uint16 codes,
-            or float32 linear light in [0, 1]. Where the verdict is not "restored" it is the picture itself.
+            or float32 linear light in [0, 1]. Where nothing was restored it is the picture itself.
+            Where the verdict is UNDIRECTED its rows stay where they were read.
         light: The same in linear light, float32, whatever was given.
         verdict: What became of the picture; its value is the sentence that a person reads.
         trajectory: The motion that was found, or given; its pose in the middle of the interval is the origin.
@@ -53,8 +54,8 @@ class Result:
 
     @property
     def restored(self) -> bool:
-        """Whether the picture was restored, rather than left as it was."""
-        return self.verdict is Verdict.RESTORED
+        """Whether the picture was deblurred, rather than left as it was."""
+        return self.verdict.deblurred
 
     def psfs(self, grid: tuple[int, int] = _GRID) -> Float[np.ndarray, "down across k k"]:
         """The blur that the trajectory makes across the picture, at the centres of `grid` equal parts of it.

@@ -73,10 +73,11 @@ def outcome(task: Task, verdicts: Counter[str], seconds: float, notes: tuple[str
         notes += (
             f"exposure: the blur of {disagreeing} frames does not show {taken}, they were straightened only; give --exposure as it was",
         )
+    restored = sum(verdicts[verdict] for verdict in Verdict if verdict.deblurred)
     return Outcome(
         notes=notes,
-        restored=verdicts[Verdict.RESTORED],
-        left=verdicts.total() - verdicts[Verdict.RESTORED] - verdicts[Verdict.DAMAGED],
+        restored=restored,
+        left=verdicts.total() - restored - verdicts[Verdict.DAMAGED],
         straightened=sum(verdicts[verdict] for verdict in Verdict if verdict.straightened),
         failed=verdicts[Verdict.DAMAGED],
         seconds=seconds,

@@ -69,7 +69,7 @@ def _restored(task: Task, observe: Observer) -> FrameResult:
 def _encoded(task: Task, result: FrameResult) -> tuple[bytes, tuple[str, ...]]:
     """The picture's file, and what its format could not keep."""
     kind = Format.of_output(task.request.output)
-    if result.verdict is not Verdict.RESTORED:
+    if not result.verdict.deblurred:
         return still.unchanged(task.still, kind)
     if not np.isfinite(result.latent).all():
         raise ArithmeticError("the restored picture holds numbers that are not finite")
@@ -78,7 +78,7 @@ def _encoded(task: Task, result: FrameResult) -> tuple[bytes, tuple[str, ...]]:
 
 def _made(task: Task, data: bytes, frame: FrameRecord, notes: tuple[str, ...], folder: Path, mark: Mark | None = None) -> Finished:
     verdict = Verdict(frame.verdict)
-    restored = verdict is Verdict.RESTORED
+    restored = verdict.deblurred
     outcome = Outcome(notes=notes, restored=int(restored), left=int(not restored), seconds=frame.seconds, verdict=verdict)
     picture = made_within(folder, task.request.output, data)
     settings, written = output.settings_record(task, task.still.transfer.value), stated(outcome, [picture], mark)

@@ -26,6 +26,25 @@ def rectified(view: View, path: Trajectory, *, flow: Flow | None = None) -> View
     return view if view.camera.timing.row_time == 0 else resampled(view, sources(path, flow, view.camera))
 
 
+def scanline_poses(path: Trajectory, camera: Camera) -> Float[np.ndarray, "scanlines axes"]:
+    """The mean pose of each scanline's exposure, relative to the pose of the middle of the frame's interval."""
+    timing = camera.timing
+    return path.at(timing.sample_times(_SAMPLES)).mean(axis=1) - path.at(np.array([timing.middle]))
+
+
+def read_out(
+    image: Float[np.ndarray, "scanlines along channels"], poses: Float[np.ndarray, "scanlines axes"], camera: Camera
+) -> Float32[np.ndarray, "scanlines along channels"]:
+    """What a rolling shutter without blur reads of a global shutter's image, each scanline at its pose: the inverse of `rectified`."""
+    lens = camera.intrinsics
+    x, y = np.meshgrid(np.arange(lens.cols, dtype=float), np.arange(lens.rows, dtype=float))
+    moved = turned(lens, x, y, np.broadcast_to(poses[:, None], (lens.rows, lens.cols, poses.shape[1])))
+    at = (np.stack([x, y], axis=-1) + moved).astype(np.float32)
+    pixels = np.asarray(image, np.float32)
+    shown = cv2.remap(pixels, at[..., 0], at[..., 1], cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE).reshape(image.shape)
+    return np.clip(shown, 0, 1)
+
+
 def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.ndarray, "scanlines along 2"]:
     """Where the frame shows each pixel of the rectified one.
 
@@ -33,8 +52,7 @@ def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.n
     middle. Of a rectified pixel X it is q = X + w(X; -p(r(q))) + t(r(q)) u(X), the fixed point of taking r from the last q; t is
     the scanline's time from the middle, and u the velocity of points beyond the path.
     """
-    timing, lens = camera.timing, camera.intrinsics
-    poses = path.at(timing.sample_times(_SAMPLES)).mean(axis=1) - path.at(np.array([timing.middle]))
+    timing, lens, poses = camera.timing, camera.intrinsics, scanline_poses(path, camera)
     columns = np.unique(np.r_[np.arange(0, lens.cols, _NODES), lens.cols - 1])
     x, y = np.meshgrid(columns.astype(float), np.arange(lens.rows, dtype=float))
     at = home = np.stack([x, y], axis=-1)

@@ -11,7 +11,7 @@ from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import device_frame, nonblind, resolution, scanlines, search
+from rsvideo.restoration import device_frame, nonblind, resolution, scanlines, search, undirected
 from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.correction import ApproximatePath, corrected
 from rsvideo.restoration.estimate import ESTIMATED, Estimator
@@ -67,7 +67,7 @@ def restore(
     """The latent image of a frame at the pose of the middle of its interval, blind unless a trajectory is given.
 
     An approximate trajectory, as from a gyroscope, can be the `start` of the blind method in place of its own.
-    Trajectories, given and returned, are in image axes. Where the verdict is not RESTORED the latent image is the frame's own.
+    Trajectories, given and returned, are in image axes. Where the verdict is not `deblurred` the latent image is the frame's own.
     """
     path = None if trajectory is None else scanlines.path_along_scanlines(trajectory, view.direction)
     begin = None if start is None else start.along_scanlines(view.direction)
@@ -88,19 +88,22 @@ def restored(
     """What `restore` answers, all along the scanlines; `noise` counts in place of the view's own, if given."""
     started, timing = time.monotonic(), view.camera.timing
     found = _found(view, settings, start, estimate, observe) if path is None else _Found(trajectory=path, verdict=Verdict.RESTORED)
-    path, latent = centred(found.trajectory, timing.middle), view.pixels
-    if found.verdict is Verdict.RESTORED and resolution.too_long(view, longest(view.camera, path)):
+    path, latent, verdict = centred(found.trajectory, timing.middle), view.pixels, found.verdict
+    if verdict.deblurred and resolution.too_long(view, longest(view.camera, path)):
         half = {"path": resolution.halved_path(path), "noise": None if noise is None else noise / 2, "flow": flow and flow.scaled(0.5)}
         latent = resolution.doubled(restored(resolution.halved(view), settings, **half, observe=observe).latent, view.pixels)
-    elif found.verdict is Verdict.RESTORED:
+    elif verdict.deblurred:
         frame = tiled_frame(view, path, settings, flow)
         images = nonblind.deblur(frame, settings, view.noise if noise is None else noise)
         for step, image in enumerate(images):
             latent, done = image, step / max(settings.splittings, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
         latent = frame.to_host(latent)
+    if verdict is Verdict.UNDIRECTED:
+        read = undirected.read(view, path, latent)
+        latent, verdict = (read.latent, verdict) if read.worth else (view.pixels, Verdict.UNEXPLAINED)
     seconds = time.monotonic() - started
-    return Restored(view=view, trajectory=path, latent=latent, verdict=found.verdict, seconds=seconds, convergence=found.values)
+    return Restored(view=view, trajectory=path, latent=latent, verdict=verdict, seconds=seconds, convergence=found.values)
 
 
 def _found(view: View, settings: Settings, start: ApproximatePath | None, estimate: Estimator, observe: Observer) -> _Found:

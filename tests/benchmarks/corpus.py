@@ -18,7 +18,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import product
 from multiprocessing import get_context
@@ -29,7 +29,7 @@ import numpy as np
 import published
 
 import rsvideo
-from rsvideo.frame import Frame
+from rsvideo.frame import Frame, Verdict
 from rsvideo.physics import gyro, staging
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.gyro import GyroLog
@@ -43,10 +43,10 @@ from rsvideo.report.metrics import psnr
 from rsvideo.restoration import search, single_frame
 from rsvideo.restoration.estimate import Estimate
 from rsvideo.restoration.evidence import Evidence
-from rsvideo.restoration.scanlines import to_scanlines
+from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.verdict import convincing
+from rsvideo.restoration.verdict import believed
 from rsvideo.shooting import given_motion
 
 SIZES = ((400, 600), (432, 768), (450, 800), (540, 960))
@@ -119,44 +119,62 @@ def made(photograph: Path, number: int, folder: Path, seed: int, log: GyroLog | 
     return case
 
 
-def restored(case: Path) -> dict:
-    """What became of one still, blindly and along its true motion, and how far its path is off."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Still:
+    """A case, and how near pictures are to its truth."""
+
+    facts: dict
+    view: View
+    motion: Trajectory
+    truth: np.ndarray  # codes of sRGB
+
+    @property
+    def before(self) -> float:
+        """dB of the blurred frame."""
+        return psnr(encode(Transfer.SRGB, self.view.pixels), self.truth)
+
+    def gain(self, light: np.ndarray) -> float:
+        """dB by which a picture is nearer to the truth than the blurred frame."""
+        return psnr(encode(Transfer.SRGB, np.clip(light, 0, 1).astype(np.float32)), self.truth) - self.before
+
+    def error(self, path: Trajectory) -> float:
+        """px by which a path is off."""
+        times = np.linspace(*self.view.camera.timing.interval, TIMES)
+        return path_error(path.at(times)[:, :2], self.motion.at(times)[:, :2])
+
+
+def opened(case: Path) -> Still:
     facts = json.loads((case / "case.json").read_text())
     picture = rsvideo.read(next(case.glob("blurred.*")))
     truth = encode(Transfer.SRGB, rsvideo.read(case / "truth.png").pixels)
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])
     lens = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
     view = to_scanlines(Frame(pixels=picture.pixels, clipped=picture.clipped), Camera(timing=timing, intrinsics=lens))
-    motion = given_motion.read(case / "motion.csv", timing, lens)
-    times = np.linspace(*timing.interval, TIMES)
+    return Still(facts=facts, view=view, motion=given_motion.read(case / "motion.csv", timing, lens), truth=truth)
 
-    def gain(light: np.ndarray) -> float:
-        return psnr(encode(Transfer.SRGB, np.clip(light, 0, 1).astype(np.float32)), truth) - before
 
-    def error(path: Trajectory) -> float:
-        return path_error(path.at(times)[:, :2], motion.at(times)[:, :2])
-
-    before = psnr(encode(Transfer.SRGB, picture.pixels), truth)
-    last: list[Estimate] = []
+def restored(case: Path) -> dict:
+    """What became of one still, blindly and along its true motion, and how far its path is off."""
+    still, last = opened(case), list[Estimate]()
 
     def watched(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         for each in search.estimate(scene, settings):
             last[:] = [each]
             yield each
 
-    found = single_frame.restore(view, Settings(), estimate=watched)
-    known = single_frame.restore(view, Settings(prior="tv"), trajectory=motion)
+    found = single_frame.restore(still.view, Settings(), estimate=watched)
+    known = single_frame.restore(still.view, Settings(prior="tv"), trajectory=still.motion)
     return {
         "case": case.name,
-        "half": half(Path(facts["source"])),
-        "blur_px": facts["blur_px"],
-        "noise": facts["noise_sigma_linear"],
-        "jpeg_quality": facts["jpeg_quality"],
-        "before_db": before,
-        "known_tv_gain_db": gain(known.latent),
-        "gain_db": gain(found.latent),
+        "half": half(Path(still.facts["source"])),
+        "blur_px": still.facts["blur_px"],
+        "noise": still.facts["noise_sigma_linear"],
+        "jpeg_quality": still.facts["jpeg_quality"],
+        "before_db": still.before,
+        "known_tv_gain_db": still.gain(known.latent),
+        "gain_db": still.gain(found.latent),
         "verdict": found.verdict.name,
-        "path_error_px": error(found.trajectory),
+        "path_error_px": still.error(found.trajectory),
         "evidence": asdict(last[0].evidence) if last and last[0].evidence else None,
         "seconds": found.seconds,
     }
@@ -164,8 +182,8 @@ def restored(case: Path) -> dict:
 
 def judged(row: dict) -> dict:
     """The row of a still under the present limits of the verdict, if they are stricter than those that it was measured with."""
-    believed = row["evidence"] is None or convincing(Evidence(**row["evidence"]))
-    return row if believed or row["verdict"] != "RESTORED" else {**row, "verdict": "UNEXPLAINED", "gain_db": 0.0}
+    enough = row["evidence"] is None or believed(Evidence(**row["evidence"])).name == row["verdict"]
+    return row if enough or not Verdict[row["verdict"]].deblurred else {**row, "verdict": "UNEXPLAINED", "gain_db": 0.0}
 
 
 def lost(row: dict) -> str:
@@ -176,7 +194,7 @@ def lost(row: dict) -> str:
     near = max(NEAR[0] * row["blur_px"], NEAR[1])
     if row["path_error_px"] > near:
         return "search"
-    return "latent image" if row["verdict"] == "RESTORED" else "verdict"
+    return "latent image" if Verdict[row["verdict"]] is Verdict.RESTORED else "verdict"
 
 
 def summary(rows: list[dict]) -> list[dict]:
@@ -191,7 +209,7 @@ def summary(rows: list[dict]) -> list[dict]:
         rng = np.random.default_rng(0)
         means = [rng.choice(share, len(share)).mean() for _ in range(RESAMPLES)]
         gains = np.array([row["gain_db"] for row in some])
-        left = [row for row in worth if row["verdict"] != "RESTORED"]
+        left = [row for row in worth if not Verdict[row["verdict"]].deblurred]
         out.append(
             {
                 "half": name,
@@ -203,7 +221,7 @@ def summary(rows: list[dict]) -> list[dict]:
                 "harmed": float((gains < -HARM).mean()),
                 "least_db": float(gains.min()),
                 "left_though_worth": len(left) / len(worth),
-                "restored_in_vain": sum(r["known_tv_gain_db"] < 0 and r["verdict"] == "RESTORED" for r in some) / len(some),
+                "restored_in_vain": sum(r["known_tv_gain_db"] < 0 and Verdict[r["verdict"]].deblurred for r in some) / len(some),
                 "mean_gain_db": float(gains.mean()),
                 "seconds": float(np.mean([row["seconds"] for row in some])),
                 **{f"lost_{stage.replace(' ', '_')}": sum(lost(r) == stage for r in some) for stage in STAGES},

@@ -4,20 +4,27 @@ from dataclasses import replace
 
 import pytest
 
+from rsvideo.frame import Verdict
 from rsvideo.restoration.evidence import Evidence
-from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, WOBBLE, convincing
+from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, REST_UNDIRECTED, believed
 
-GOOD = Evidence(rest=2 * REST, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS)
+GOOD = Evidence(rest=2 * REST, mirror=2 * MIRROR, focus=2 * FOCUS)
 
 
 def test_a_path_for_which_all_speaks_is_followed() -> None:
-    assert convincing(GOOD)
+    assert believed(GOOD) is Verdict.RESTORED
 
 
-@pytest.mark.parametrize("lacking", [{"rest": 0.9 * REST}, {"mirror": 0.9 * MIRROR}, {"focus": 0.9 * FOCUS}])
+@pytest.mark.parametrize("lacking", [{"rest": 0.9 * REST}, {"focus": 0.9 * FOCUS}])
 def test_a_path_that_one_measure_does_not_bear_out_is_not(lacking: dict[str, float]) -> None:
-    assert not convincing(replace(GOOD, **lacking))
+    assert believed(replace(GOOD, **lacking)) is Verdict.UNEXPLAINED
 
 
-def test_where_the_scanlines_do_not_sway_the_direction_does_not_matter() -> None:
-    assert convincing(replace(GOOD, mirror=0.0, wobble=0.9 * WOBBLE))
+def test_where_the_mirror_image_may_be_as_true_the_direction_is_open() -> None:
+    assert believed(replace(GOOD, mirror=0.9 * MIRROR)) is Verdict.UNDIRECTED
+
+
+def test_what_the_mirror_image_does_not_say_the_spectra_must_say_more_surely() -> None:
+    weak = replace(GOOD, rest=0.9 * REST_UNDIRECTED)
+    assert believed(weak) is Verdict.RESTORED
+    assert believed(replace(weak, mirror=0.9 * MIRROR)) is Verdict.UNEXPLAINED

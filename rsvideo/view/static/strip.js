@@ -8,7 +8,7 @@ const svg = (name, attributes) => {
   return made;
 };
 export const kind = (verdict) =>
-  verdict.startsWith("restored") ? "restored" : verdict.startsWith("straightened") ? "straight"
+  /^(restored|deblurred)/.test(verdict) ? "restored" : verdict.startsWith("straightened") ? "straight"
     : verdict.includes("sharp already") || verdict.includes("no restoration") ? "left" : "wrong";
 const NAMES = { restored: "restored", straight: "straightened only", left: "left as it was", wrong: "not explained, damaged or without texture" };
 
