@@ -27,6 +27,7 @@ BLOCK = 48  # px: about the window in which gradients are compared, so that bloc
 LEAST_WEIGHT = 0.05  # of the best block's, which a block must have to count
 STRETCH = 3.0  # px by which the longest of a path's blurs is shorter and longer beside it
 SHORTEST = 0.5  # px; shorter blurs are stretched as this one is
+MIDDLES = 8  # samples of an exposure, whose mean is a scanline's place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,15 +36,18 @@ class Evidence:
 
     rest: float  # by how much the spectra's misfit is lower than at rest
     mirror: float  # standard errors by which gradients are sparser than along the mirror image
+    wobble: float  # px, RMS over the scanlines: where the two differ little, neither restores the frame wrongly
     focus: float  # standard errors by which they are sparser than along the same path shorter and longer
 
 
 def evidence(scene: Scene, spectrum: Spectrum, path: Trajectory) -> Evidence:
     """What speaks for a path that was found."""
+    middles = scene.camera.timing.sample_times(MIDDLES).mean(axis=1)
     mirror, focus = compared(scene, path)
     return Evidence(
         rest=spectrum.value(path.with_coefficients(0 * path.coefficients)) - spectrum.value(path),
         mirror=mirror,
+        wobble=float(np.linalg.norm(path.at(middles)[:, :2].std(axis=0))),
         focus=focus,
     )
 

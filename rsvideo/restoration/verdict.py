@@ -14,6 +14,7 @@ REST = 0.08  # by which the spectra's misfit is lower than at rest: 0.09 to 0.56
 REST_UNDIRECTED = 0.12  # the same where the mirror image does not speak for the path, which it does for few wrong ones: 0.08 cost one
 # still in 40 6 dB along a wrong path, and right ones of unknown direction show 0.10 to 0.44
 MIRROR = 1.75  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.7 to 17 along true others
+WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
 COSTLIEST = 2.3  # times the frame's own energy, which rises 1.3 to 1.9 times along most true paths
@@ -48,7 +49,7 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 
 def believed(evidence: Evidence) -> Verdict:
     """What becomes of a frame by what speaks for its path."""
-    directed = evidence.mirror > MIRROR
+    directed = evidence.mirror > MIRROR or evidence.wobble < WOBBLE
     if evidence.rest <= (REST if directed else REST_UNDIRECTED) or evidence.focus <= FOCUS:
         return Verdict.UNEXPLAINED
     return Verdict.RESTORED if directed else Verdict.UNDIRECTED

@@ -6,9 +6,9 @@ import pytest
 
 from rsvideo.frame import Verdict
 from rsvideo.restoration.evidence import Evidence
-from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, REST_UNDIRECTED, believed
+from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, REST_UNDIRECTED, WOBBLE, believed
 
-GOOD = Evidence(rest=2 * REST, mirror=2 * MIRROR, focus=2 * FOCUS)
+GOOD = Evidence(rest=2 * REST, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS)
 
 
 def test_a_path_for_which_all_speaks_is_followed() -> None:
@@ -28,3 +28,7 @@ def test_what_the_mirror_image_does_not_say_the_spectra_must_say_more_surely() -
     weak = replace(GOOD, rest=0.9 * REST_UNDIRECTED)
     assert believed(weak) is Verdict.RESTORED
     assert believed(replace(weak, mirror=0.9 * MIRROR)) is Verdict.UNEXPLAINED
+
+
+def test_where_the_scanlines_do_not_sway_the_direction_does_not_matter() -> None:
+    assert believed(replace(GOOD, mirror=0.0, wobble=0.9 * WOBBLE)) is Verdict.RESTORED
