@@ -12,7 +12,7 @@ from rsvideo.restoration.sparsity import objective
 # in the README and 24 others made from the same photographs.
 REST = 0.08  # by which the spectra's misfit is lower than at rest: 0.09 to 0.56 along true paths, 0 to 0.45 along others
 REST_UNDIRECTED = 0.12  # the same where the mirror image does not speak for the path, which it does for few wrong ones: 0.08 cost one
-# still in 40 6 dB along a wrong path, and right ones of unknown direction show 0.10 to 0.44
+# still in 40 6 dB along a wrong path (with a spectrum.LEAK of 0.02), and right ones of unknown direction show 0.10 to 0.44
 MIRROR = 1.75  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.7 to 17 along true others
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones

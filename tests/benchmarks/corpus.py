@@ -19,7 +19,7 @@ import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -128,7 +128,7 @@ class Still:
     motion: Trajectory
     truth: np.ndarray  # codes of sRGB
 
-    @property
+    @cached_property
     def before(self) -> float:
         """dB of the blurred frame."""
         return psnr(encode(Transfer.SRGB, self.view.pixels), self.truth)
@@ -194,7 +194,7 @@ def lost(row: dict) -> str:
     near = max(NEAR[0] * row["blur_px"], NEAR[1])
     if row["path_error_px"] > near:
         return "search"
-    return "latent image" if Verdict[row["verdict"]] is Verdict.RESTORED else "verdict"
+    return "latent image" if row["verdict"] == "RESTORED" else "verdict"
 
 
 def summary(rows: list[dict]) -> list[dict]:
