@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, expect
 
 from rsvideo.report import page
 from rsvideo.video.mosaic import Grid, Mosaic
@@ -154,7 +154,7 @@ def test_another_frame_changes_every_picture_and_its_motion(browser: Browser, re
 def test_the_video_plays_in_the_page(browser: Browser, report: Path) -> None:
     with opened(browser, report) as tab:
         tab.click("#play")
-        tab.wait_for_function("document.querySelector('video').currentTime > 0")
+        expect(tab.locator("video")).not_to_have_js_property("currentTime", 0)
         assert tab.eval_on_selector("video", "v => v.error") is None
 
 
