@@ -3,8 +3,23 @@
 from dataclasses import dataclass
 
 
+@dataclass(frozen=True, kw_only=True)
+class Likeliest:
+    """A readout that is no answer, since it is too uncertain, and better than any other guess."""
+
+    readout: float  # seconds, negative upwards
+    std: float
+
+
 class CannotTellError(ValueError):
     """The material does not say it; the words tell why, and what would help."""
+
+    likeliest: Likeliest | None  # where the material shows one, all the same
+
+    def __init__(self, reason: str, likeliest: Likeliest | None = None) -> None:
+        """`likeliest` where no other readout explains the material nearly as well."""
+        super().__init__(reason)
+        self.likeliest = likeliest
 
 
 @dataclass(frozen=True, kw_only=True)

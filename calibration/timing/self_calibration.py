@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from calibration.timing.cannot_tell import CannotTellError
+from calibration.timing.cannot_tell import CannotTellError, Likeliest
 from calibration.timing.pair_motion import FEWEST_POINTS, Pair, summarise
 from calibration.timing.path_evidence import Chunk, PathFit, chunked, curvature, fit_path, likeliest
 from rsvideo.physics.shutter import Direction
@@ -80,12 +80,14 @@ def explain(
     distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
     others = [fit.value for fit in fits if abs(fit.row_time * rows - readout) > distance]
     is_global = abs(readout) < _GLOBAL * std
-    _refuse_vague(readout, std, period)
-    if best.value - max(others) < _RIVAL:
+    alone = best.value - max(others, default=np.inf) >= _RIVAL
+    found = Likeliest(readout=readout, std=std) if alone else None
+    _refuse_vague(readout, std, period, found)
+    if not alone:
         raise CannotTellError(f"readouts far from {1e3 * abs(readout):.3g} ms explain its motion nearly as well; film for longer")
     if not is_global and std > _VAGUE * abs(readout):
         given = f"{1e3 * abs(readout):.2g} ms give or take {1e3 * std:.2g} ms"
-        raise CannotTellError(f"its motion shows only that the readout is short, {given}")
+        raise CannotTellError(f"its motion shows only that the readout is short, {given}", found)
     _report(observer, 1.0)
     return Explained(
         readout=abs(readout),
@@ -103,15 +105,16 @@ def _report(observer: Observer, fraction: float) -> None:
     observer(Progress(stage="trying readouts", fraction=fraction))
 
 
-def _refuse_vague(readout: float, std: float, period: float) -> None:
+def _refuse_vague(readout: float, std: float, period: float, found: Likeliest | None) -> None:
     """CannotTellError where the deviation is too large for an answer, or the likeliest readout is the longest one tried."""
-    if std < max(_VAGUE * abs(readout), _VAGUE_GLOBAL * period) and abs(readout) <= _AT_THE_END * _LONGEST * period:
+    at_the_end = abs(readout) > _AT_THE_END * _LONGEST * period
+    if std < max(_VAGUE * abs(readout), _VAGUE_GLOBAL * period) and not at_the_end:
         return
     likeliest_readout = (
         f"{1e3 * abs(readout):.3g} ms is likeliest, give or take {1e3 * std:.2g} ms" if std < period else "all readouts explain it alike"
     )
     advice = "move the camera by hand, without stabilisation, for some seconds before something with texture"
-    raise CannotTellError(f"its motion does not show it: {likeliest_readout}; {advice}")
+    raise CannotTellError(f"its motion does not show it: {likeliest_readout}; {advice}", None if at_the_end else found)
 
 
 def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float]:

@@ -272,7 +272,8 @@ class Measured(BaseModel):
     most: float | None = None  # s, of an exposure that blur does not show; None where it does not even show that
     blur: float | None = None  # px, that this exposure leaves in the middle one of the frames it was measured from
     readout: float | None = None  # s; None where motion does not show it, or nobody had to measure it
-    unclear: tuple[str, ...] = ()  # why what is None could not be measured
+    readout_deviation: float = 0.0  # s, of a readout that is likeliest and too uncertain for an answer; 0 of any other
+    unclear: tuple[str, ...] = ()  # why what is None, or uncertain, could not be measured
 
 
 class Request(Sections):

@@ -3,7 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from calibration.timing.cannot_tell import CannotTellError
+import numpy as np
+
+from calibration.timing.cannot_tell import CannotTellError, Likeliest
 from calibration.timing.pair_motion import Pair
 from calibration.timing.readout_measurement import directions
 from calibration.timing.self_calibration import explain
@@ -85,12 +87,13 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     if not run.followed.any():
         return Measured(unclear=("no points could be followed from frame to frame",))
     unclear: list[str] = []
-    readout: float | None = None
+    readout, vague = None, 0.0
     if readout_unknown(given, sources):
         try:
             readout = round(_readout(run, period, direction), DECIMALS)
         except CannotTellError as error:
             unclear.append(f"readout: {error}")
+            readout, vague = with_usual(error.likeliest, period)
     else:
         stated, _ = timing.readout_of(given, sources)
         readout = stated.value if stated else None
@@ -98,9 +101,19 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     found = exposure.measured(replace(run, camera=settled.along_scanlines(), source_camera=settled), period)
     if isinstance(found, exposure.Unclear):
         most = found.most and round(found.most, DECIMALS)
-        return Measured(most=most, readout=readout, unclear=(*unclear, f"exposure: {found.reason}"))
+        return Measured(most=most, readout=readout, readout_deviation=vague, unclear=(*unclear, f"exposure: {found.reason}"))
     value, deviation, blur = (round(each, DECIMALS) for each in (found.value, found.deviation, found.blur))
-    return Measured(exposure=value, deviation=deviation, blur=blur, readout=readout, unclear=tuple(unclear))
+    return Measured(exposure=value, deviation=deviation, blur=blur, readout=readout, readout_deviation=vague, unclear=tuple(unclear))
+
+
+def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, float]:
+    """The readout that vague motion and what is usual of cameras make likeliest, and its deviation, s; None where neither says one."""
+    if shown is None or shown.readout <= 0:
+        return None, 0.0
+    usual, spread = timing.USUAL * period, timing.SPREAD * period
+    share = spread**2 / (spread**2 + shown.std**2)  # of two Gaussians' product
+    readout = share * shown.readout + (1 - share) * usual
+    return round(readout, DECIMALS), round(float(np.sqrt(share)) * shown.std, DECIMALS)
 
 
 def _readout(run: Run, period: float, direction: Direction) -> float:

@@ -18,6 +18,7 @@ from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
 USUAL = 0.5  # of a frame's period: the readout of most cameras, and their exposure, until a clip has shown its own
+SPREAD = 0.3  # of a frame's period: the deviation of cameras' readouts from USUAL, in the public table
 _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.2  # ratio of a stated exposure and the measured one from which on one of them is wrong; measured ones rarely are by 1.1
 _CERTAIN = 5.0  # deviations of the measured one, by which they must differ too: these do not hold what the path itself is off by
@@ -179,6 +180,9 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
         return Fact(value=USUAL / fps, source="assumed, half of a frame's period", within=(0.0, 1 / fps), assumed=True)
+    if spread := 2 * measured.readout_deviation:
+        within = max(0.0, measured.readout - spread), measured.readout + spread
+        return Fact(value=measured.readout, source="the likeliest by the clip's motion", within=within, assumed=True)
     return Fact(value=measured.readout, source="measured from the clip's motion")
 
 

@@ -92,8 +92,18 @@ def test_a_steady_pan_says_nothing() -> None:
 
 
 def test_a_tripod_says_nothing() -> None:
-    with pytest.raises(CannotTellError, match="its motion does not show it"):
+    with pytest.raises(CannotTellError, match="its motion does not show it") as told:
         found(film(0.02, rms=0.0))
+    assert told.value.likeliest is None
+
+
+@pytest.mark.slow
+def test_a_short_clip_makes_a_readout_likely_and_is_no_answer() -> None:
+    with pytest.raises(CannotTellError, match="ms is likeliest, give or take") as told:
+        found(film(0.012, rms=0.05, noise=0.3, frames=10))
+    likeliest = told.value.likeliest
+    assert likeliest is not None
+    assert abs(likeliest.readout - 0.012) < 2 * likeliest.std < 0.004
 
 
 def test_points_that_are_too_few_say_nothing() -> None:

@@ -194,6 +194,15 @@ def test_what_cannot_be_measured_is_assumed_short() -> None:
     assert all(fact.assumed for fact in (found.exposure, found.readout))
 
 
+def test_a_readout_that_is_only_likely_is_assumed_within_its_spread() -> None:
+    likely = Measured(readout=0.016, readout_deviation=0.003, unclear=("readout: too few frames",))
+    found = resolve(Camera(), replace(NOTHING, measured=likely)).readout
+    assert (found.value, found.assumed) == (0.016, True)
+    assert found.within == pytest.approx((0.010, 0.022))
+    short = likely.model_copy(update={"readout": 0.004})
+    assert resolve(Camera(), replace(NOTHING, measured=short)).readout.within == pytest.approx((0.0, 0.010))
+
+
 def test_what_blur_bounds_is_assumed_no_longer() -> None:
     bounded = replace(NOTHING, measured=Measured(most=0.004, unclear=("too little blur",)))
     assert resolve(Camera(), bounded).exposure.value == 0.004

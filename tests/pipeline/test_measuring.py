@@ -1,0 +1,25 @@
+"""What a clip shows of its shutter, and what is usual of cameras."""
+
+import numpy as np
+import pytest
+
+from calibration.timing.cannot_tell import Likeliest
+from rsvideo.pipeline.measuring import with_usual
+from rsvideo.shooting.timing import SPREAD, USUAL
+
+PERIOD = 1 / 30
+
+
+def test_a_vague_readout_is_drawn_to_the_usual_one_as_the_product_of_both_densities_is() -> None:
+    shown = Likeliest(readout=0.006, std=0.004)
+    t = np.linspace(-0.1, 0.1, 20001)
+    density = np.exp(-(((t - shown.readout) / shown.std) ** 2 + ((t / PERIOD - USUAL) / SPREAD) ** 2) / 2)
+    mean = np.average(t, weights=density)
+    readout, deviation = with_usual(shown, PERIOD)
+    assert readout == pytest.approx(mean, abs=1e-6)
+    assert deviation == pytest.approx(np.sqrt(np.average((t - mean) ** 2, weights=density)), abs=1e-6)
+
+
+@pytest.mark.parametrize("shown", [None, Likeliest(readout=-0.01, std=0.002)])
+def test_no_readout_is_assumed_by_motion_that_shows_none_in_this_direction(shown: Likeliest | None) -> None:
+    assert with_usual(shown, PERIOD) == (None, 0.0)
