@@ -18,6 +18,7 @@ _ROWS_COVERED = (0.02, 0.98)  # quantiles of the points' rows, between which the
 _LEAST_SPAN = 0.5  # of the frame's height, that points must cover
 _USUAL_BEND, _BEND_SPREAD = 0.1, 0.2  # (rows / 2 f)^2 of usual lenses, and how far lenses differ from it
 _BEND_ERROR = 0.05  # of a displacement, by which it may bend otherwise
+_MOVED = 5.0  # standard errors, by which the middle must move for a pair to say anything of the perspective
 _ROUNDS = 8  # of reweighting
 _CAUCHY = 2  # times the median residual, at which a point counts half
 _LEAST_RESIDUAL = 0.02  # px; how well points are tracked at best
@@ -45,23 +46,45 @@ class RowMotion:
 
 def summarise(pairs: Sequence[Pair], rows: int, cols: int) -> list[RowMotion]:
     """All pairs that have points enough, under the perspective that suits them best."""
-    usable = [
+    usual = 1 / _BEND_SPREAD**2
+    shown = perspective(pairs, rows, cols)
+    bend = (usual * _USUAL_BEND + shown.precision * shown.bend) / (usual + shown.precision)
+    return [_row_motion(pair, rows, cols, bend) for pair in _usable(pairs, rows)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perspective:
+    """(rows / 2 f)^2 of a lens of focal length f, as a clip shows it."""
+
+    bend: float
+    precision: float  # 1 / variance, which is larger where pairs disagree; 0 where the clip shows nothing
+
+
+def perspective(pairs: Sequence[Pair], rows: int, cols: int) -> Perspective:
+    """How much faster the sides move than the middle, over all pairs, as the camera turns."""
+    moved, sides, weights = [0.0], [0.0], [0.0]
+    for pair in _usable(pairs, rows):
+        found, covariance = _fitted(pair, rows, cols, None)
+        for middle, side in ((0, -2), (TERMS, -1)):
+            if found[middle] ** 2 > _MOVED**2 * covariance[middle, middle]:
+                moved.append(found[middle])
+                sides.append(found[side])
+                weights.append(1 / (covariance[side, side] + (_BEND_ERROR * found[middle]) ** 2))
+    m, s, w = np.array(moved), np.array(sides), np.array(weights)
+    precision = float(w @ m**2)
+    if not precision:
+        return Perspective(bend=0.0, precision=0.0)
+    bend = float(w @ (m * s)) / precision
+    disagreement = float(w @ (s - bend * m) ** 2) / max(len(w) - 2, 1)
+    return Perspective(bend=bend, precision=precision / max(1.0, disagreement))
+
+
+def _usable(pairs: Sequence[Pair], rows: int) -> list[Pair]:
+    return [
         pair
         for pair in pairs
         if len(pair.before) >= FEWEST_POINTS and np.ptp(np.quantile(pair.before[:, 1], _ROWS_COVERED)) > _LEAST_SPAN * rows
     ]
-    bend = _bend([_fitted(pair, rows, cols, None) for pair in usable])
-    return [_row_motion(pair, rows, cols, bend) for pair in usable]
-
-
-def _bend(fits: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """(rows / 2 f)^2 of a lens of focal length f: how the middle's motion goes with that of the sides, over all pairs."""
-    top, bottom = _USUAL_BEND / _BEND_SPREAD**2, 1 / _BEND_SPREAD**2
-    for found, covariance in fits:
-        for middle, side in ((0, -2), (TERMS, -1)):
-            weight = 1 / (covariance[side, side] + (_BEND_ERROR * found[middle]) ** 2)
-            top, bottom = top + weight * found[middle] * found[side], bottom + weight * found[middle] ** 2
-    return float(top / bottom)
 
 
 def _row_motion(pair: Pair, rows: int, cols: int, bend: float) -> RowMotion:

@@ -97,7 +97,8 @@ def _lines(values: dict[str, Any]) -> list[Line]:
         lines.append(("row time", f"{row['value'] * 1e6:.4g} us", row["source"]))
     lines.append(("direction", str(values["direction"]["value"]), values["direction"]["source"]))
     if focal := values["focal_px"]:
-        lines.append(("focal length", f"{focal['value']:.1f} px", focal["source"]))
+        low, high = focal.get("within", (0.0, 0.0))
+        lines.append(("focal length", f"{focal['value']:.1f} px" + (f", {low:.1f} to {high:.1f} px" if high else ""), focal["source"]))
     return lines + [("missing", what, f"{option} would say it") for what, option in values["missing"].items()]
 
 

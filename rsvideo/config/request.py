@@ -273,6 +273,8 @@ class Measured(BaseModel):
     blur: float | None = None  # px, that this exposure leaves in the middle one of the frames it was measured from
     readout: float | None = None  # s; None where motion does not show it, or nobody had to measure it
     readout_deviation: float = 0.0  # s, of a readout that is likeliest and too uncertain for an answer; 0 of any other
+    focal: float | None = None  # px; None where nobody had to measure it, or no points could be followed
+    focal_deviation: float = 0.0  # of its logarithm
     unclear: tuple[str, ...] = ()  # why what is None, or uncertain, could not be measured
 
 

@@ -1,10 +1,15 @@
-"""What nobody states of a clip's shutter, measured from some of its frames: how points move shows the readout, blur the exposure."""
+"""What nobody states of a clip's shutter and lens, measured from some of its frames.
 
+How points move from frame to frame shows the readout and the focal length, and blur along their motion the exposure.
+"""
+
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from calibration.intrinsics.from_motion import VAGUE, Focal, focal_length
 from calibration.timing.cannot_tell import CannotTellError, Likeliest
 from calibration.timing.pair_motion import Pair
 from calibration.timing.readout_measurement import directions
@@ -19,13 +24,13 @@ from rsvideo.pipeline.take import Take
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.settings import Settings
-from rsvideo.shooting import timing
+from rsvideo.shooting import timing, usual
+from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.timing import Sources
 from rsvideo.video.decode import OnDamage
 from rsvideo.video.stream import Stream
 
 FRAMES = 40  # from the middle of what is restored
-USUAL_FOCAL = 0.85  # of the longer side: most phones and cameras have 0.7 to 1.0
 DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
 
 
@@ -50,15 +55,17 @@ def readout_unknown(given: Stated, sources: Sources) -> bool:
 def of_take(take: Take, given: Stated, first: int, last: int, on_damage: OnDamage = "fail") -> Measured | None:
     """What the frames [first, last) of a clip show of its shutter; None where all is stated and nothing is to be checked."""
     assert isinstance(take.source, Stream)
-    if not needed(given, take.shutter):
+    focal = _stated_focal(take, given)
+    if focal is not None and not needed(given, take.shutter):
         return None
     begin = max(first, (first + last - FRAMES) // 2)
     shown = clip_frames.decoded(take.source, begin, min(last, begin + FRAMES), on_damage=on_damage)
-    lens = take.profile.intrinsics if take.profile else None
-    focal = given.focal_px or (
-        lens.fx if lens else take.focal.value if take.focal else USUAL_FOCAL * max(take.source.rows, take.source.cols)
-    )
     return measured(shown, given, take.shutter, focal)
+
+
+def _stated_focal(take: Take, given: Stated) -> float | None:
+    lens = take.profile.intrinsics if take.profile else None
+    return given.focal_px or (lens.fx if lens else take.focal.value if take.focal else None)
 
 
 def with_measured(take: Take, given: Stated) -> Take:
@@ -66,58 +73,80 @@ def with_measured(take: Take, given: Stated) -> Take:
     assert isinstance(take.source, Stream)
     found = of_take(take, given, 0, take.source.frames)
     unclear = tuple(f"not measured: {reason}" for reason in found.unclear) if found else ()
-    return replace(take, shutter=replace(take.shutter, measured=found), notes=(*take.notes, *unclear))
+    return settled(replace(take, notes=(*take.notes, *unclear)), found)
 
 
-def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: float) -> Measured:
-    """The exposure, and where it is unknown the readout, of successive frames of a clip."""
+def settled(take: Take, found: Measured | None) -> Take:
+    """The take with what its frames have shown."""
+    focal = take.focal
+    if focal is None and found and found.focal:
+        vague = found.focal_deviation > VAGUE
+        source = "the likeliest by the clip's motion" if vague else "measured from the clip's motion"
+        spread = math.exp(2 * found.focal_deviation)
+        focal = Fact(value=found.focal, source=source, within=(found.focal / spread, found.focal * spread), assumed=vague)
+    return replace(take, shutter=replace(take.shutter, measured=found), focal=focal)
+
+
+def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: float | None = None) -> Measured:
+    """The exposure, and where they are unknown the readout and the focal length, of successive frames of a clip."""
     assert sources.fps is not None
     period, rows, cols = 1 / sources.fps, sources.rows, sources.cols
     direction = timing.direction_of(given, sources).value
-    intrinsics = Intrinsics.centred(focal=focal, rows=rows, cols=cols)
+    half = usual.READOUT * period  # with which points are followed until both are measured
 
-    usual = timing.USUAL * period  # with which points are followed until both are measured
-
-    def camera(readout: float) -> Camera:
+    def camera(readout: float, focal: float) -> Camera:
         scanlines = rows if direction.by_row else cols
-        shutter = ShutterTiming.from_readout(exposure=usual, readout=readout, rows=scanlines, direction=direction)
-        return Camera(timing=shutter, intrinsics=intrinsics)
+        shutter = ShutterTiming.from_readout(exposure=half, readout=readout, rows=scanlines, direction=direction)
+        return Camera(timing=shutter, intrinsics=Intrinsics.centred(focal=focal, rows=rows, cols=cols))
 
-    run = clip_motion.gather(frames, camera(usual), Settings())
+    run = clip_motion.gather(frames, camera(half, focal or usual.FOCAL * max(rows, cols)), Settings())
     if not run.followed.any():
         return Measured(unclear=("no points could be followed from frame to frame",))
-    unclear: list[str] = []
+    pairs, unclear = _pairs(run), list[str]()
+    lens = Focal(pixels=focal, deviation=0.0) if focal else focal_length(pairs, run.camera.intrinsics.rows, run.camera.intrinsics.cols)
+    if lens.deviation > VAGUE:
+        unclear.append(f"focal length: its motion shows only that it is about {lens.pixels:.0f} px, give or take {lens.deviation:.0%}")
     readout, vague = None, 0.0
     if readout_unknown(given, sources):
         try:
-            readout = round(_readout(run, period, direction), DECIMALS)
+            readout = round(_readout(run, pairs, period, direction), DECIMALS)
         except CannotTellError as error:
             unclear.append(f"readout: {error}")
             readout, vague = with_usual(error.likeliest, period)
     else:
         stated, _ = timing.readout_of(given, sources)
         readout = stated.value if stated else None
-    settled = camera(usual if readout is None else readout)
-    found = exposure.measured(replace(run, camera=settled.along_scanlines(), source_camera=settled), period)
+    taken = camera(half if readout is None else readout, lens.pixels)
+    found = exposure.measured(replace(run, camera=taken.along_scanlines(), source_camera=taken), period)
+    shown = Measured(
+        readout=readout,
+        readout_deviation=vague,
+        focal=None if focal else round(lens.pixels, 1),
+        focal_deviation=round(lens.deviation, 4),
+        unclear=tuple(unclear),
+    )
     if isinstance(found, exposure.Unclear):
         most = found.most and round(found.most, DECIMALS)
-        return Measured(most=most, readout=readout, readout_deviation=vague, unclear=(*unclear, f"exposure: {found.reason}"))
-    value, deviation, blur = (round(each, DECIMALS) for each in (found.value, found.deviation, found.blur))
-    return Measured(exposure=value, deviation=deviation, blur=blur, readout=readout, readout_deviation=vague, unclear=tuple(unclear))
+        return shown.model_copy(update={"most": most, "unclear": (*unclear, f"exposure: {found.reason}")})
+    of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
+    return shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
 
 
 def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, float]:
     """The readout that vague motion and what is usual of cameras make likeliest, and its deviation, s; None where neither says one."""
     if shown is None or shown.readout <= 0:
         return None, 0.0
-    usual, spread = timing.USUAL * period, timing.SPREAD * period
+    mean, spread = usual.READOUT * period, usual.READOUT_SPREAD * period
     share = spread**2 / (spread**2 + shown.std**2)  # of two Gaussians' product
-    readout = share * shown.readout + (1 - share) * usual
+    readout = share * shown.readout + (1 - share) * mean
     return round(readout, DECIMALS), round(float(np.sqrt(share)) * shown.std, DECIMALS)
 
 
-def _readout(run: Run, period: float, direction: Direction) -> float:
-    lens = run.camera.intrinsics
+def _pairs(run: Run) -> list[Pair]:
     begins = run.begins.tolist()
-    pairs = [Pair(before=t.before, after=t.after, begins=(a, b)) for t, a, b in zip(run.links, begins, begins[1:], strict=False)]
+    return [Pair(before=t.before, after=t.after, begins=(a, b)) for t, a, b in zip(run.links, begins, begins[1:], strict=False)]
+
+
+def _readout(run: Run, pairs: list[Pair], period: float, direction: Direction) -> float:
+    lens = run.camera.intrinsics
     return explain(pairs, rows=lens.rows, cols=lens.cols, period=period, downwards=directions(direction)).readout

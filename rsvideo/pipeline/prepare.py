@@ -3,7 +3,7 @@
 A photograph is one frame without neighbours; what else differs is how it is opened (`take`, `clip_facts`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rsvideo.config import media, names, sidecar
@@ -19,7 +19,7 @@ from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Take
 from rsvideo.pipeline.tracked import tracked
 from rsvideo.restoration.settings import Settings
-from rsvideo.shooting import timing
+from rsvideo.shooting import timing, usual
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.profiles import Facts
 from rsvideo.stills.still import Format, Still
@@ -171,13 +171,13 @@ def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Re
     ours = deblur.method is Method.RSVIDEO and motion.trajectory is None and deblur.frames != "cold"
     if not request.is_clip or not ours or isinstance(opened.source, Still):
         return request, opened
-    if request.measured is None:
-        from rsvideo.pipeline import measuring
+    from rsvideo.pipeline import measuring
 
+    if request.measured is None:
         if request.preview and not measuring.unstated(request.camera, opened.shutter):  # a preview shows what is stated, a job checks it
             return request, opened
         request = request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
-    return request, replace(opened, shutter=replace(opened.shutter, measured=request.measured))
+    return request, measuring.settled(opened, request.measured)
 
 
 def _unclear(request: Request, shutter: timing.Resolved) -> tuple[str, ...]:
@@ -300,13 +300,13 @@ def camera_of(
         return sidecar.Camera.of(profile.intrinsics, profile.profile, profile.noise), ()
     elif focal_fact is not None:
         focal, source, notes = focal_fact.value, focal_fact.source, focal_notes
+        if focal_fact.assumed:
+            notes += (f"focal length {focal:.0f} px is {source}: roll depends on it; --focal-px states it",)
     elif shift or not request.deblur.method.needs_lens:
         focal, source = float(longer), "assumed"  # a shift does not depend on it
     elif request.is_clip:
-        from rsvideo.pipeline.measuring import USUAL_FOCAL
-
-        focal, source = USUAL_FOCAL * longer, "assumed"
-        notes = (f"focal length {focal:.0f} px is assumed, {USUAL_FOCAL:g} of the longer side: roll depends on it; --focal-px states it",)
+        focal, source = usual.FOCAL * longer, "assumed"
+        notes = (f"focal length {focal:.0f} px is assumed, {usual.FOCAL:g} of the longer side: roll depends on it; --focal-px states it",)
     else:
         raise ValueError(
             f"focal-px must be given, {request.source} does not say its focal length, as EXIF's 35 mm equivalent does;"

@@ -14,16 +14,14 @@ from dataclasses import dataclass, replace
 from rsvideo.config.quantity import HAND_HELD_LIMIT, hand_held
 from rsvideo.config.request import Camera, Measured
 from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.shooting import usual
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 
-USUAL = 0.5  # of a frame's period: the readout of most cameras, and their exposure, until a clip has shown its own
-SPREAD = 0.3  # of a frame's period: the deviation of cameras' readouts from USUAL, in the public table
 _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.2  # ratio of a stated exposure and the measured one from which on one of them is wrong; measured ones rarely are by 1.1
 _CERTAIN = 5.0  # deviations of the measured one, by which they must differ too: these do not hold what the path itself is off by
 _SOFT = 2.0  # px, a lens's or a codec's blur, which may lengthen what is measured: clips of 1.8 and 2.4 px showed 2.9
-_MILD = 0.25  # of a frame's period: the exposure of a clip whose blur does not show it; too short is the milder error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,11 +105,11 @@ def exposure_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tu
 def _from_blur(measured: Measured, fps: float) -> Fact[float]:
     """The measured exposure, or the mild one where blur does not show it."""
     if measured.exposure is None:
-        if measured.most is not None and measured.most < _MILD / fps:
+        if measured.most is not None and measured.most < usual.EXPOSURE / fps:
             return Fact(
                 value=measured.most, source="assumed, the longest that the clip's blur allows", within=(0.0, measured.most), assumed=True
             )
-        return Fact(value=_MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
+        return Fact(value=usual.EXPOSURE / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
     spread = 2 * measured.deviation
     return Fact(
         value=measured.exposure, source="measured from the clip's blur", within=(measured.exposure - spread, measured.exposure + spread)
@@ -179,7 +177,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
 
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
-        return Fact(value=USUAL / fps, source="assumed, half of a frame's period", within=(0.0, 1 / fps), assumed=True)
+        return Fact(value=usual.READOUT / fps, source="assumed, half of a frame's period", within=(0.0, 1 / fps), assumed=True)
     if spread := 2 * measured.readout_deviation:
         within = max(0.0, measured.readout - spread), measured.readout + spread
         return Fact(value=measured.readout, source="the likeliest by the clip's motion", within=within, assumed=True)

@@ -5,7 +5,7 @@ import pytest
 
 from calibration.timing.cannot_tell import Likeliest
 from rsvideo.pipeline.measuring import with_usual
-from rsvideo.shooting.timing import SPREAD, USUAL
+from rsvideo.shooting.usual import READOUT, READOUT_SPREAD
 
 PERIOD = 1 / 30
 
@@ -13,7 +13,7 @@ PERIOD = 1 / 30
 def test_a_vague_readout_is_drawn_to_the_usual_one_as_the_product_of_both_densities_is() -> None:
     shown = Likeliest(readout=0.006, std=0.004)
     t = np.linspace(-0.1, 0.1, 20001)
-    density = np.exp(-(((t - shown.readout) / shown.std) ** 2 + ((t / PERIOD - USUAL) / SPREAD) ** 2) / 2)
+    density = np.exp(-(((t - shown.readout) / shown.std) ** 2 + ((t / PERIOD - READOUT) / READOUT_SPREAD) ** 2) / 2)
     mean = np.average(t, weights=density)
     readout, deviation = with_usual(shown, PERIOD)
     assert readout == pytest.approx(mean, abs=1e-6)
