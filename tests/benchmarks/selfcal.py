@@ -1,4 +1,4 @@
-"""Render hand-held clips of known readout, follow their points, and print the readout that these show.
+"""Render hand-held clips of known readout and lens, follow their points, and print the readout and the focal length that these show.
 
     python tests/benchmarks/selfcal.py [--cases 24] [--seed 0] [--frames 25]
 
@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import skimage.data
 
+from calibration.intrinsics.from_motion import VAGUE, focal_length
 from calibration.timing.cannot_tell import CannotTellError
 from calibration.timing.pair_motion import Pair
 from calibration.timing.self_calibration import explain
@@ -62,7 +63,9 @@ def case(seed: int, frames: int) -> tuple[dict, str]:
             found = tracks.track(before, codes)
             pairs.append(Pair(before=found.before, after=found.after, begins=((k - 1) / FPS, k / FPS)))
         before = codes
+    lens = focal_length(pairs, ROWS, COLS)
     facts = {"scene": name, "readout": readout, "rms": rms, "exposure": exposure, "points": np.median([len(pair.before) for pair in pairs])}
+    facts |= {"focal": camera.fx / COLS, "focal_error": lens.pixels / camera.fx - 1, "focal_deviation": lens.deviation}
     try:
         explained = explain(pairs, rows=ROWS, cols=COLS, period=1 / FPS)
     except CannotTellError as error:
@@ -77,14 +80,18 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--frames", type=int, default=25)
     args = parser.parse_args()
-    print("| scene | shake rad/s | exposure ms | points | readout ms | error % | stated std % | seconds |")
-    print("|---|---|---|---|---|---|---|---|")
-    answered, still = [], 0
+    print(
+        "| scene | shake rad/s | exposure ms | points | focal / cols | error % | stated % | readout ms | error % | stated std % | seconds |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    answered, lenses, still = [], [], 0
     for k in range(args.cases):
         start = time.perf_counter()
         facts, why = case(args.seed + k, args.frames)
         line = f"| {facts['scene']} | {facts['rms']:.3f} | {1e3 * facts['exposure']:.1f} | {facts['points']:.0f} "
+        line += f"| {facts['focal']:.2f} | {100 * facts['focal_error']:.1f} | {100 * facts['focal_deviation']:.1f} "
         line += f"| {1e3 * facts['readout']:.2f} |"
+        lenses += [facts] if facts["focal_deviation"] <= VAGUE else []
         answer = "cannot tell | " if why else f"{100 * facts['error']:.1f} | {100 * facts['std']:.1f}"
         print(line, answer, f"| {time.perf_counter() - start:.0f} |", why, flush=True)
         answered += [] if why else [facts]
@@ -95,6 +102,11 @@ def main() -> None:
     if answered:
         print(f"median error {100 * np.median(errors):.1f} %, worst {100 * errors.max():.1f} %, above 15 %: {np.sum(errors > 0.15)}")
         print(f"error within 2 std: {np.mean(sigmas < 2):.0%}, within 3 std: {np.mean(sigmas < 3):.0%}")
+    print(f"\nfocal length: {len(lenses)} of {args.cases} answered")
+    if lenses:
+        errors = np.abs([facts["focal_error"] for facts in lenses])
+        within = np.mean(errors < 2 * np.array([facts["focal_deviation"] for facts in lenses]))
+        print(f"median error {100 * np.median(errors):.1f} %, worst {100 * errors.max():.1f} %, within 2 deviations: {within:.0%}")
 
 
 if __name__ == "__main__":
