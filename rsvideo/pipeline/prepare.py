@@ -166,7 +166,7 @@ def _taken_by(request: Request, opened: Take) -> tuple[timing.Resolved, sidecar.
 
 
 def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Request, Take]:
-    """The same with what the clip's own frames show of its shutter, where our method needs it and it was not measured before."""
+    """The same with what the clip's own frames show of its shutter and lens, where our method needs it and it was not measured before."""
     motion, deblur = request.motion, request.deblur
     ours = deblur.method is Method.RSVIDEO and motion.trajectory is None and deblur.frames != "cold"
     if not request.is_clip or not ours or isinstance(opened.source, Still):

@@ -1,6 +1,7 @@
 """Restore real scenes blurred and sheared afresh, and print what each frame gained, and how many frames were harmed.
 
-    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|FACTOR ...] [--only NAME ...] [--json FILE]
+    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|FACTOR ...] [--only NAME ...]
+        [--set ROOM.NUMBER=VALUE ...] [--json FILE]
 
 CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp4, truth.mp4 and case.json with exposure_s and readout_s.
 `stated` gives both numbers, `none` gives nothing at all, and a FACTOR gives the readout and so many times the exposure, of a frame's period
@@ -8,13 +9,15 @@ at most: what a wrong number does. RESULTS gets NAME.WAY.mkv and its sidecar; FI
 after the best shift and scale of each whole frame. Frames count as blurred where the middle one of all pixels moves by more than 2 px while
 the middle scanline is open. A wrong exposure counts as told where the command warns of it in any way.
 
-A restoration depends on the shutter that is settled for it: ways that settle the same one share it.
+A restoration depends on the shutter that is settled for it: ways that settle the same one share it. --set tries other numbers of
+rsvideo.restoration than the present ones: trust.OUT_OF_FOCUS=-0.004.
 """
 
 import argparse
 import json
 import resource
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -108,9 +111,14 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--exposure", nargs="+", default=["stated", "none"], metavar="WAY")
     parser.add_argument("--only", nargs="+", metavar="NAME")
+    parser.add_argument("--set", nargs="+", default=[], metavar="ROOM.NUMBER=VALUE")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
+    for name, value in (change.split("=") for change in args.set):
+        room, number = name.split(".")
+        module = import_module(f"rsvideo.restoration.{room}")
+        setattr(module, number, type(getattr(module, number))(value))
     rows: list[dict] = []
     for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
         if args.only and case.name not in args.only:
