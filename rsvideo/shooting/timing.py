@@ -105,11 +105,11 @@ def exposure_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tu
 def _from_blur(measured: Measured, fps: float) -> Fact[float]:
     """The measured exposure, or the mild one where blur does not show it."""
     if measured.exposure is None:
-        if measured.most is not None and measured.most < usual.EXPOSURE / fps:
+        if measured.most is not None and measured.most < usual.MILD / fps:
             return Fact(
                 value=measured.most, source="assumed, the longest that the clip's blur allows", within=(0.0, measured.most), assumed=True
             )
-        return Fact(value=usual.EXPOSURE / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
+        return Fact(value=usual.MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
     spread = 2 * measured.deviation
     return Fact(
         value=measured.exposure, source="measured from the clip's blur", within=(measured.exposure - spread, measured.exposure + spread)
@@ -177,7 +177,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
 
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
-        return Fact(value=usual.READOUT / fps, source="assumed, half of a frame's period", within=(0.0, 1 / fps), assumed=True)
+        return Fact(value=usual.MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
     if spread := 2 * measured.readout_deviation:
         within = max(0.0, measured.readout - spread), measured.readout + spread
         return Fact(value=measured.readout, source="the likeliest by the clip's motion", within=within, assumed=True)

@@ -190,7 +190,7 @@ def test_what_nobody_states_is_measured() -> None:
 
 def test_what_cannot_be_measured_is_assumed_short() -> None:
     found = resolve(Camera(), replace(NOTHING, measured=Measured(unclear=("too little blur",))))
-    assert (found.exposure.value, found.readout.value) == (0.01, 0.02)
+    assert (found.exposure.value, found.readout.value) == (0.01, 0.01)
     assert all(fact.assumed for fact in (found.exposure, found.readout))
 
 
