@@ -92,16 +92,17 @@ def _lines(values: dict[str, Any]) -> list[Line]:
         lines.append(("timecode", values["timecode"], ""))
     for name, key, unit in (("make", "make", ""), ("model", "model", ""), ("captured", "captured", ""), ("ISO", "iso", "g")):
         lines += [(name, format(values[key]["value"], unit), values[key]["source"])] if values[key] else []
-    lines += [_timed(name, values[key]) for name, key in (("exposure", "exposure_s"), ("readout", "readout_s")) if values[key]]
+    times = ("exposure", "exposure_s"), ("readout", "readout_s")
+    lines += [_ranged(name, values[key], "ms", ".4g", 1e3) for name, key in times if values[key]]
     if row := values["row_time_s"]:
         lines.append(("row time", f"{row['value'] * 1e6:.4g} us", row["source"]))
     lines.append(("direction", str(values["direction"]["value"]), values["direction"]["source"]))
     if focal := values["focal_px"]:
-        low, high = focal.get("within", (0.0, 0.0))
-        lines.append(("focal length", f"{focal['value']:.1f} px" + (f", {low:.1f} to {high:.1f} px" if high else ""), focal["source"]))
+        lines.append(_ranged("focal length", focal, "px", ".1f"))
     return lines + [("missing", what, f"{option} would say it") for what, option in values["missing"].items()]
 
 
-def _timed(name: str, fact: dict[str, Any]) -> Line:
-    low, high = (f"{time * 1e3:.4g}" for time in fact.get("within", (0.0, 0.0)))
-    return name, f"{fact['value'] * 1e3:.4g} ms" + (f", {low} to {high} ms" if low != high else ""), fact["source"]
+def _ranged(name: str, fact: dict[str, Any], unit: str, form: str, factor: float = 1.0) -> Line:
+    """A number, and where it lies."""
+    value, low, high = (format(number * factor, form) for number in (fact["value"], *fact.get("within", (0.0, 0.0))))
+    return name, f"{value} {unit}" + (f", {low} to {high} {unit}" if low != high else ""), fact["source"]

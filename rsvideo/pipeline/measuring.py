@@ -53,7 +53,7 @@ def readout_unknown(given: Stated, sources: Sources) -> bool:
 
 
 def of_take(take: Take, given: Stated, first: int, last: int, on_damage: OnDamage = "fail") -> Measured | None:
-    """What the frames [first, last) of a clip show of its shutter; None where all is stated and nothing is to be checked."""
+    """What the frames [first, last) of a clip show of its shutter and lens; None where all is stated and nothing is to be checked."""
     assert isinstance(take.source, Stream)
     focal = _stated_focal(take, given)
     if focal is not None and not needed(given, take.shutter):

@@ -109,11 +109,16 @@ def _from_blur(measured: Measured, fps: float) -> Fact[float]:
             return Fact(
                 value=measured.most, source="assumed, the longest that the clip's blur allows", within=(0.0, measured.most), assumed=True
             )
-        return Fact(value=usual.MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
+        return _mild(fps)
     spread = 2 * measured.deviation
     return Fact(
         value=measured.exposure, source="measured from the clip's blur", within=(measured.exposure - spread, measured.exposure + spread)
     )
+
+
+def _mild(fps: float) -> Fact[float]:
+    """Of an exposure or a readout that nothing shows."""
+    return Fact(value=usual.MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
 
 
 def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact[float], tuple[str, ...]]:
@@ -177,7 +182,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
 
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
-        return Fact(value=usual.MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
+        return _mild(fps)
     if spread := 2 * measured.readout_deviation:
         within = max(0.0, measured.readout - spread), measured.readout + spread
         return Fact(value=measured.readout, source="the likeliest by the clip's motion", within=within, assumed=True)
