@@ -57,8 +57,10 @@ def rsvideo(
 
 def main() -> None:
     """The command `rsvideo`."""
+    from rsvideo.allocation import keep_freed_memory
     from rsvideo.cli import exit_codes, quiet, terminal
 
+    keep_freed_memory()
     for library in ("OMP", "OPENBLAS", "MKL"):  # compiled kernels use the cores; threads within threads slow both
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     if quiet.wanted():

@@ -29,6 +29,7 @@ class Weights:
 
     rho: float
     floor: float
+    ahead: float  # of a step of what is completed
     overlap: int  # columns
     rim: int  # rows and columns
 
@@ -81,15 +82,16 @@ class System:
         """K l, image to image."""
         return self.op.image(self.op.forward(self.op.spectrum(latent)))
 
-    def total_variation(self, mu: float, rho: float, floor: float, steps: int) -> Array:
+    def total_variation(self, mu: float, weights: "Weights", steps: int) -> Array:
         """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by so many steps of ADMM (Algorithm 2), every l-update exact."""
-        op, factor = self.op, self.factor(rho, floor)
+        op, rho, factor = self.op, weights.rho, self.factor(weights.rho, weights.floor)
         b = self.completed()
         latent = xp.zeros((*b.shape[:2], op.latent_rows, op.period), xp.float32)
         g = u = xp.zeros((2, *latent.shape), xp.float32)  # g = j - u
         for _ in range(steps):
             spectrum = factor.solve(op.adjoint(op.spectrum(b)) + op.spectrum(xp.float32(rho) * _adjoint_gradient(g)))
-            latent, b = op.image(spectrum), self.complete(op.image(op.forward(spectrum)))
+            latent, blurred = op.image(spectrum), op.image(op.forward(spectrum))
+            b = self.complete(blurred + xp.float32(weights.ahead) * (blurred - b))
             v = _gradient(latent) + u
             u = xp.clip(v, -mu / rho, mu / rho)  # v - j, for j is v less what the soft threshold takes
             g = v - 2 * u
@@ -164,8 +166,7 @@ class DeviceFrame:
 
     def total_variation(self, mu: float, *, steps: int) -> Array:
         """The latent images of all tiles under total variation."""
-        rho, floor = self.weights.rho, self.weights.floor
-        return self._of_all(lambda system, _: system.total_variation(mu, rho, floor, steps))
+        return self._of_all(lambda system, _: system.total_variation(mu, self.weights, steps))
 
     def nearest(self, latents: Array, target: Array, ridge: float) -> Array:
         """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""

@@ -82,12 +82,12 @@ def restore_rows(b: Float[np.ndarray, "rows cols"], A: RowFourier, *, mu: float,
     W = np.zeros(wide.shape, np.float32)
     W[:, A.left : A.left + A.cols] = 1
     start = wide[np.clip(np.arange(A.latent_rows) - A.top, 0, A.rows - 1)]
-    P = np.ones((2, *start.shape), np.float32)
-    P[0, :, -1] = 0  # the seam
+    P = np.ones(A.period, np.float32)
+    P[-1] = 0  # the seam
     minimise_l, copy = exact_update(A, wide, W, sigma=settings.trust, rho=rho)
     v = copy(A.image(A.forward(A.spectrum(start))))
     states = total_variation(
-        (v, np.zeros_like(v)), mu=mu, rho=rho, gradient=Differences(periodic_cols=True), update=minimise_l, start=start, weights=P
+        (v, np.zeros_like(v)), mu=mu, rho=rho, gradient=Differences(periodic_cols=True), update=minimise_l, start=start, across=P
     )
     return solve(states, steps=settings.steps, tolerance=settings.tolerance)
 
@@ -99,17 +99,16 @@ def exact_update(
 
     With the blur split off, the matrix sigma A^H A + rho D^T D stays free of the weights W, and is factored once.
     """
-    D = Differences(periodic_cols=True)
     re, im = A.gram()
     gram = BandedHermitian(re=re, im=im, frequencies=A.frequencies)
-    N = gram.plus(sigma, (rho * A.difference_power).astype(np.float32), rho).factor()
+    N = gram.factor((rho * A.difference_power).astype(np.float32), rho, scale=sigma)
 
     def minimise_v(KL: np.ndarray) -> np.ndarray:
         return (W * b + sigma * KL) / (W + sigma)
 
-    def minimise_l(data: Blurred, g: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, Blurred]:
+    def minimise_l(data: Blurred, h: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, Blurred]:
         v, y = data
-        spectrum = N.solve(sigma * A.adjoint(A.spectrum(v - y)) + rho * A.spectrum(D.adjoint(g)))
+        spectrum = N.solve(sigma * A.adjoint(A.spectrum(v - y)) + rho * A.spectrum(h))
         KL = A.image(A.forward(spectrum))
         v = minimise_v(KL + y)
         return A.image(spectrum), (v, y + KL - v)
@@ -122,8 +121,8 @@ def restore_by_gradients(b: Float[np.ndarray, "rows cols"], K: BlurOperator, *, 
     rho, D = mu / settings.threshold, Differences()
     N = NormalMatrix(blur=K, gradient=D, rho=rho)
 
-    def update(data: np.ndarray, g: np.ndarray, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        states = conjugate_gradient(N, K.adjoint(data) + rho * D.adjoint(g), latent)
+    def update(data: np.ndarray, h: np.ndarray, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        states = conjugate_gradient(N, K.adjoint(data) + rho * h, latent)
         return solve(states, steps=settings.inner_steps, tolerance=settings.inner_tolerance).state.x, data
 
     start = np.pad(b, [(m, m) for m in K.margin], mode="edge")

@@ -1,11 +1,14 @@
 """How noisy a picture is, measured where it is quiet."""
 
+import math
+
 import cv2
 import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 BLOCK = 32  # px, the side of a block; origin: by trial
+MOST = 1500  # blocks, about as many as are looked at
 QUIET = 25  # percentile of the blocks' fine noise that is taken: texture lifts the others; origin: by trial
 QUIET_COARSE = 10  # percentile of the blocks' power at coarse wavelengths, where texture is stronger; origin: by trial
 SHORTEST_WAVE, LONGEST_WAVE = 3, 6  # px, what deblurring amplifies most, and a camera's own denoising and JPEG leave
@@ -23,8 +26,15 @@ def _fine_noise(image: Float[np.ndarray, "rows cols"]) -> float:
     """From second differences (Immerkaer, Fast noise variance estimation, CVIU 1996), by blocks."""
     mask = np.outer([1, -2, 1], [1, -2, 1]).astype(np.float32) / 6  # whose squares sum to 1
     high = cv2.filter2D(image, -1, mask)[2:-2, 2:-2]
-    blocks = [high[i : i + BLOCK, j : j + BLOCK] for i in range(0, high.shape[0], BLOCK) for j in range(0, high.shape[1], BLOCK)]
-    return float(np.percentile([np.median(np.abs(b)) / MEDIAN_DEVIATION for b in blocks], QUIET))
+    size = np.abs(high)
+    blocks = _blocks(size, BLOCK) if min(size.shape) >= BLOCK else size.reshape(1, -1)
+    return float(np.percentile(np.median(blocks.reshape(len(blocks), -1), axis=1), QUIET)) / MEDIAN_DEVIATION
+
+
+def _blocks(image: Float[np.ndarray, "rows cols"], step: int) -> Float[np.ndarray, "blocks n n"]:
+    """Blocks of BLOCK px a side, one every `step` px; of a large picture about MOST, which lie as far apart."""
+    step *= max(1, math.isqrt(image.size // (MOST * step**2)))
+    return sliding_window_view(image, (BLOCK, BLOCK))[::step, ::step].reshape(-1, BLOCK, BLOCK)
 
 
 def _coarse_noise(image: Float[np.ndarray, "rows cols"]) -> float:
@@ -32,9 +42,9 @@ def _coarse_noise(image: Float[np.ndarray, "rows cols"]) -> float:
 
     Texture is there too, but blurred texture has a direction: what counts is the least of eight, less where they differ.
     """
-    blocks = sliding_window_view(image, (BLOCK, BLOCK))[:: BLOCK // 2, :: BLOCK // 2].reshape(-1, BLOCK, BLOCK)
-    if not len(blocks):
+    if min(image.shape) < BLOCK:
         return 0.0
+    blocks = _blocks(image, BLOCK // 2)
     window = np.outer(np.hanning(BLOCK), np.hanning(BLOCK))
     spectra = np.abs(np.fft.rfft2((blocks - blocks.mean(axis=(1, 2), keepdims=True)) * window)) ** 2 / (window**2).sum()
     y, x = np.fft.fftfreq(BLOCK)[:, None], np.fft.rfftfreq(BLOCK)

@@ -7,6 +7,7 @@ A PSF without a path is the same sum with a weight of its own for each sample in
 Su & Heidrich (Sec. 5.3) hold Fourier methods to be ruled out; for the paper's 2-D model they are exact.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import no_type_check
 
@@ -14,110 +15,105 @@ import numpy as np
 import scipy.fft
 from jaxtyping import Complex, Float, Int
 
+from rsvideo.lanes import LANES, alike, gathered, load, scattered, store
 from rsvideo.physics.warp import TAPS, taps
 from rsvideo.threads import loop, spread
 
-_LANES = 16  # frequencies side by side, as in solvers.banded
+_DOUBLINGS = LANES.bit_length() - 1  # of an angle: as far as a block of frequencies leads
 
 
 @no_type_check
-@loop()
-def _symbol(first, last, dx, share, lowest, weights, period, re, im):
-    """A_f(i, base_i + o) in (blocks, rows, width, lanes), real and imaginary."""
-    count, samples, n_taps = len(re), dx.shape[1], weights.shape[2]
-    zr = np.empty(_LANES, np.float32)
-    zi = np.empty(_LANES, np.float32)
-    xr = np.empty(_LANES, np.float32)
-    xi = np.empty(_LANES, np.float32)
+@loop(fastmath=False)
+def _symbol(first, last, dx, share, lowest, weights, period, rows, width, count, re, im):
+    """A_f(i, base_i + o) in flat (blocks, rows, width, lanes), real and imaginary; zero on entry."""
+    samples = dx.shape[1]
+    z = np.empty(samples * 2 * LANES, np.float32)  # share * exp(i angle f) of each sample, of the frequencies of one block
+    step = np.empty((samples, 2), np.float32)  # and what leads to the next block
     for i in range(first, last):
         for k in range(samples):
             angle = 2 * np.pi * dx[i, k] / period
             er, ei = np.cos(angle), np.sin(angle)
-            wr, wi = share[i, k], 0.0  # share * exp(i angle f), from one frequency to the next
-            for b in range(_LANES):
-                zr[b], zi[b] = wr, wi
+            wr, wi = share[i, k], 0.0
+            for b in range(LANES):
+                z[2 * k * LANES + b], z[(2 * k + 1) * LANES + b] = wr, wi
                 wr, wi = wr * er - wi * ei, wr * ei + wi * er
-            er, ei = np.cos(angle * _LANES), np.sin(angle * _LANES)
-            wr, wi = 1.0, 0.0  # and from one block of them to the next
-            for c in range(count):
-                sr, si = np.float32(wr), np.float32(wi)
-                for b in range(_LANES):
-                    xr[b] = zr[b] * sr - zi[b] * si
-                    xi[b] = zr[b] * si + zi[b] * sr
-                for t in range(n_taps):
-                    w = weights[i, k, t]
-                    to_re, to_im = re[c, i, lowest[i, k] + t], im[c, i, lowest[i, k] + t]
-                    for b in range(_LANES):
-                        to_re[b] += w * xr[b]
-                        to_im[b] += w * xi[b]
-                wr, wi = wr * er - wi * ei, wr * ei + wi * er
-
-
-@no_type_check
-@loop()
-def _apply(first, last, re, im, base, x, out):
-    """out[i] = sum_o A[i, o] x[base_i + o]; x (latent rows, f, 2), out (rows, f, 2)."""
-    count, _, width, _ = re.shape
-    frequencies = x.shape[1]
-    ar = np.empty(_LANES, np.float32)
-    ai = np.empty(_LANES, np.float32)
-    for i in range(first, last):
+            for _ in range(_DOUBLINGS):
+                er, ei = er * er - ei * ei, 2 * er * ei
+            step[k, 0], step[k, 1] = er, ei
         for c in range(count):
-            f0 = c * _LANES
-            live = min(_LANES, frequencies - f0)
-            ar[:] = 0
-            ai[:] = 0
-            r, m = re[c, i], im[c, i]
-            for o in range(width):
-                z = x[base[i] + o, f0 : f0 + live]
-                for b in range(live):
-                    ar[b] += r[o, b] * z[b, 0] - m[o, b] * z[b, 1]
-                    ai[b] += r[o, b] * z[b, 1] + m[o, b] * z[b, 0]
-            for b in range(live):
-                out[i, f0 + b, 0] = ar[b]
-                out[i, f0 + b, 1] = ai[b]
+            for k in range(samples):
+                zr, zi = load(z, 2 * k * LANES), load(z, (2 * k + 1) * LANES)
+                for t in range(weights.shape[2]):
+                    to, w = ((c * rows + i) * width + lowest[i, k] + t) * LANES, alike(weights[i, k, t])
+                    store(re, to, load(re, to) + w * zr)
+                    store(im, to, load(im, to) + w * zi)
+                sr, si = alike(step[k, 0]), alike(step[k, 1])
+                store(z, 2 * k * LANES, zr * sr - zi * si)
+                store(z, (2 * k + 1) * LANES, zr * si + zi * sr)
 
 
 @no_type_check
-@loop()
-def _apply_adjoint(first, last, re, im, base, y, out):
-    """out[base_i + o] += conj(A[i, o]) y[i]."""
-    _, rows, width, _ = re.shape
-    frequencies = y.shape[1]
+@loop(fastmath=False)
+def _apply(first, last, re, im, base, width, frequencies, count, latent_rows, x, out):
+    """out[i] = sum_o A[i, o] x[base_i + o]; x (count, latent rows, f, 2), out (count, rows, f, 2), both flat."""
+    rows = len(base)
+    y = np.empty(count * latent_rows * 2 * LANES, np.float32)
+    done = np.empty(count * rows * 2 * LANES, np.float32)
     for c in range(first, last):
-        live = min(_LANES, frequencies - c * _LANES)
-        f0 = c * _LANES
-        yr = np.empty(_LANES, np.float32)
-        yi = np.empty(_LANES, np.float32)
+        gathered(x, count * latent_rows, frequencies, c, y)
         for i in range(rows):
-            for b in range(live):
-                yr[b] = y[i, f0 + b, 0]
-                yi[b] = y[i, f0 + b, 1]
-            for o in range(width):
-                j = base[i] + o
-                for b in range(live):
-                    out[j, f0 + b, 0] += re[c, i, o, b] * yr[b] + im[c, i, o, b] * yi[b]
-                    out[j, f0 + b, 1] += re[c, i, o, b] * yi[b] - im[c, i, o, b] * yr[b]
+            row = (c * rows + i) * width * LANES
+            for s in range(count):
+                at, to = (s * latent_rows + base[i]) * 2 * LANES, (s * rows + i) * 2 * LANES
+                sr, si = alike(np.float32(0)), alike(np.float32(0))
+                for o in range(width):
+                    r, m = load(re, row + o * LANES), load(im, row + o * LANES)
+                    zr, zi = load(y, at + 2 * o * LANES), load(y, at + (2 * o + 1) * LANES)
+                    sr = sr + r * zr - m * zi
+                    si = si + r * zi + m * zr
+                store(done, to, sr)
+                store(done, to + LANES, si)
+        scattered(done, count * rows, frequencies, c, out)
 
 
 @no_type_check
-@loop()
-def _gram(first, last, re, im, base, gr, gi):
-    """The upper band of A^H A, (blocks, latent rows, width, lanes)."""
-    _, rows, width, _ = re.shape
-    r = np.empty((width, _LANES), np.float32)
-    m = np.empty((width, _LANES), np.float32)
+@loop(fastmath=False)
+def _apply_adjoint(first, last, re, im, base, width, frequencies, count, latent_rows, y, out):
+    """out[base_i + o] += conj(A[i, o]) y[i], of as many flat spectra as in _apply."""
+    rows = len(base)
+    x = np.empty(count * rows * 2 * LANES, np.float32)
+    done = np.empty(count * latent_rows * 2 * LANES, np.float32)
+    for c in range(first, last):
+        gathered(y, count * rows, frequencies, c, x)
+        done[:] = 0
+        for i in range(rows):
+            row = (c * rows + i) * width * LANES
+            for s in range(count):
+                at, to = (s * rows + i) * 2 * LANES, (s * latent_rows + base[i]) * 2 * LANES
+                zr, zi = load(x, at), load(x, at + LANES)
+                for o in range(width):
+                    r, m = load(re, row + o * LANES), load(im, row + o * LANES)
+                    store(done, to, load(done, to) + r * zr + m * zi)
+                    store(done, to + LANES, load(done, to + LANES) + r * zi - m * zr)
+                    to += 2 * LANES
+        scattered(done, count * latent_rows, frequencies, c, out)
+
+
+@no_type_check
+@loop(fastmath=False)
+def _gram(first, last, re, im, base, rows, width, latent_rows, gr, gi):
+    """The upper band of A^H A, flat (blocks, latent rows, width, lanes); zero on entry."""
     for c in range(first, last):
         for i in range(rows):
-            for o in range(width):
-                for b in range(_LANES):
-                    r[o, b], m[o, b] = re[c, i, o, b], im[c, i, o, b]
+            row = (c * rows + i) * width * LANES
             for p in range(width):
-                to_re, to_im = gr[c, base[i] + p], gi[c, base[i] + p]
-                for o in range(width - p):
-                    for b in range(_LANES):
-                        to_re[o, b] += r[p, b] * r[p + o, b] + m[p, b] * m[p + o, b]
-                        to_im[o, b] += r[p, b] * m[p + o, b] - m[p, b] * r[p + o, b]
+                pr, pi = load(re, row + p * LANES), load(im, row + p * LANES)
+                to = (c * latent_rows + base[i] + p) * width * LANES
+                for o in range(p, width):
+                    r, m = load(re, row + o * LANES), load(im, row + o * LANES)
+                    store(gr, to, load(gr, to) + pr * r + pi * m)
+                    store(gi, to, load(gi, to) + pr * m - pi * r)
+                    to += LANES
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,14 +139,15 @@ class Grid:
         """|d_x(f)|^2 = |1 - exp(2 pi i f)|^2 of the difference between neighbouring columns."""
         return 2 - 2 * np.cos(2 * np.pi * np.arange(self.frequencies) / self.period)
 
-    def crop(self, latent: Float[np.ndarray, "latent_rows period"], rows: int, cols: int) -> Float[np.ndarray, "rows cols"]:
+    def crop(self, latent: Float[np.ndarray, "*images latent_rows period"], rows: int, cols: int) -> Float[np.ndarray, "*images rows cols"]:
         """The part of a latent image that lies on the pixels of the frame."""
-        return latent[self.top : self.top + rows, self.left : self.left + cols]
+        return latent[..., self.top : self.top + rows, self.left : self.left + cols]
 
-    def extended(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows period"]:
+    def extended(self, image: Float[np.ndarray, "*images rows cols"]) -> Float[np.ndarray, "*images latent_rows period"]:
         """A picture of the frame's size continued from its borders over the latent image's."""
-        rows, cols = image.shape
-        return np.pad(image, ((self.top, self.latent_rows - self.top - rows), (self.left, self.period - self.left - cols)), mode="edge")
+        down = np.clip(np.arange(self.latent_rows) - self.top, 0, image.shape[-2] - 1)
+        across = np.clip(np.arange(self.period) - self.left, 0, image.shape[-1] - 1)
+        return image[..., down[:, None], across]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,38 +160,40 @@ class RowFourier(Grid):
     re: Float[np.ndarray, "blocks rows width lanes"]
     im: Float[np.ndarray, "blocks rows width lanes"]
 
-    def spectrum(self, image: Float[np.ndarray, "n period"]) -> Complex[np.ndarray, "n frequencies"]:
+    def spectrum(self, image: Float[np.ndarray, "*images n period"]) -> Complex[np.ndarray, "*images n frequencies"]:
         """The Fourier transform along rows."""
-        return np.asarray(scipy.fft.rfft(image, axis=1))
+        return np.asarray(scipy.fft.rfft(image, axis=-1))
 
-    def image(self, spectrum: Complex[np.ndarray, "n frequencies"]) -> Float[np.ndarray, "n period"]:
+    def image(self, spectrum: Complex[np.ndarray, "*images n frequencies"]) -> Float[np.ndarray, "*images n period"]:
         """The inverse of `spectrum`."""
-        return np.asarray(scipy.fft.irfft(spectrum, n=self.period, axis=1))
+        return np.asarray(scipy.fft.irfft(spectrum, n=self.period, axis=-1))
 
-    def forward(self, latent: Complex[np.ndarray, "latent_rows frequencies"]) -> Complex[np.ndarray, "rows frequencies"]:
-        """K l, spectrum to spectrum."""
-        out = np.empty((self.rows, self.frequencies), np.complex64)
-        x = np.ascontiguousarray(latent, np.complex64)
-        spread(_apply, self.rows, self.re, self.im, self.base, _parts(x), _parts(out), size=self.re.nbytes)
-        return out
+    def forward(self, latent: Complex[np.ndarray, "*images latent_rows frequencies"]) -> Complex[np.ndarray, "*images rows frequencies"]:
+        """K l, spectrum to spectrum, of any number of images."""
+        return self._applied(_apply, latent, self.rows)
 
-    def adjoint(self, frame: Complex[np.ndarray, "rows frequencies"]) -> Complex[np.ndarray, "latent_rows frequencies"]:
-        """K^H b, spectrum to spectrum."""
-        out = np.zeros((self.latent_rows, self.frequencies), np.complex64)
-        y = np.ascontiguousarray(frame, np.complex64)
-        spread(_apply_adjoint, len(self.re), self.re, self.im, self.base, _parts(y), _parts(out), size=self.re.nbytes)
-        return out
+    def adjoint(self, frame: Complex[np.ndarray, "*images rows frequencies"]) -> Complex[np.ndarray, "*images latent_rows frequencies"]:
+        """K^H b, spectrum to spectrum, of any number of images."""
+        return self._applied(_apply_adjoint, frame, self.latent_rows)
 
     def gram(self) -> tuple[Float[np.ndarray, "blocks latent_rows width lanes"], Float[np.ndarray, "blocks latent_rows width lanes"]]:
         """The upper bands of A^H A, real and imaginary, as solvers.banded stores them."""
-        count, _, width, lanes = self.re.shape
+        count, rows, width, lanes = self.re.shape
         re, im = (np.zeros((count, self.latent_rows, width, lanes), np.float32) for _ in range(2))
-        spread(_gram, count, self.re, self.im, self.base, re, im, size=self.re.nbytes)
+        symbol = (self.re.ravel(), self.im.ravel(), self.base, rows, width, self.latent_rows)
+        spread(_gram, count, *symbol, re.ravel(), im.ravel(), size=self.re.nbytes)
         return re, im
 
-
-def _parts(x: np.ndarray) -> np.ndarray:
-    return x.view(np.float32).reshape(*x.shape, 2)
+    def _applied(
+        self, kernel: Callable[..., None], spectra: Complex[np.ndarray, "*images n f"], rows: int
+    ) -> Complex[np.ndarray, "*images m f"]:
+        x = np.ascontiguousarray(spectra, np.complex64)
+        out = np.empty((*x.shape[:-2], rows, self.frequencies), np.complex64)
+        blocks, _, width, _ = self.re.shape
+        images = x.size // (x.shape[-2] * self.frequencies)
+        symbol = (self.re.ravel(), self.im.ravel(), self.base, width, self.frequencies, images, self.latent_rows)
+        spread(kernel, blocks, *symbol, x.view(np.float32).ravel(), out.view(np.float32).ravel(), size=self.re.nbytes)
+        return out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -249,10 +248,11 @@ def row_fourier(
     rows, dx = len(displacement), displacement[..., 0]
     share = np.full(dx.shape, 1 / dx.shape[1]) if weights is None else weights
     reach = extent(displacement, cols, margin)
-    count = -(-reach.frequencies // _LANES)
+    count = -(-reach.frequencies // LANES)
     dx, share = (np.ascontiguousarray(each, dtype=float) for each in (dx, share))  # in one order, or each is compiled for
-    re, im = (np.zeros((count, rows, reach.width, _LANES), np.float32) for _ in range(2))
-    spread(_symbol, rows, dx, share, reach.first, reach.across.astype(np.float32), float(reach.period), re, im)
+    re, im = (np.zeros((count, rows, reach.width, LANES), np.float32) for _ in range(2))
+    samples = (dx, share, reach.first, reach.across.astype(np.float32), float(reach.period))
+    spread(_symbol, rows, *samples, rows, reach.width, count, re.ravel(), im.ravel())
     return RowFourier(
         rows=rows,
         cols=cols,

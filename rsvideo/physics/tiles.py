@@ -4,6 +4,7 @@ With roll, or a wide lens, the path of a pixel also depends on its column, but s
 its middle column serves them all, and the tile keeps the exact row-Fourier solver of a shift.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -72,9 +73,16 @@ def displacement(
     tile: Tile, trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, samples: int
 ) -> Float[np.ndarray, "rows samples 2"]:
     """Where the tile's scanlines sample the latent image over their exposures, relative to the pixel."""
+    return displacements([tile], trajectory, intrinsics, timing, samples)[0]
+
+
+def displacements(
+    cut: Sequence[Tile], trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, samples: int
+) -> Float[np.ndarray, "tiles rows samples 2"]:
+    """The same of several tiles at once, which share the rotations."""
     poses = trajectory.at(timing.sample_times(samples))
-    rows = np.arange(timing.rows, dtype=float)[:, None]
-    return turned(intrinsics, np.full(rows.shape, tile.middle), rows, poses)
+    middles = np.array([tile.middle for tile in cut])
+    return turned(intrinsics, middles[:, None, None], np.arange(timing.rows, dtype=float)[None, :, None], poses[None])
 
 
 def levers(tile: Tile, intrinsics: Intrinsics, rows: int, axes: int) -> Float[np.ndarray, "rows 2 axes"]:

@@ -13,6 +13,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
+from rsvideo.allocation import keep_freed_memory
 from rsvideo.config.placing import SIGNALS
 from rsvideo.threads import VARIABLE, cores
 
@@ -75,6 +76,7 @@ def _environment(**values: str) -> Iterator[None]:
 
 
 def _live(target: Callable[..., None], connection: Connection, words: tuple[Any, ...], quiet: bool) -> None:
+    keep_freed_memory()
     for number in SIGNALS:  # the terminal sends the others to everyone; the parent decides
         signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)

@@ -9,8 +9,8 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.tiles import NARROWEST, Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.blurred_frame import BlurredFrame, Eliminated
-from rsvideo.restoration.nonblind import OVERLAP, RIM, TV_FLOOR, TV_RHO, cut_for
-from rsvideo.restoration.parallax import Flow, displacement
+from rsvideo.restoration.nonblind import OVERLAP, RIM, TV_AHEAD, TV_FLOOR, TV_RHO, cut_for
+from rsvideo.restoration.parallax import Flow, displacements
 
 
 def tiled(
@@ -27,14 +27,14 @@ def tiled(
     from rsvideo.gpu import frame
 
     def offsets(cut: list[Tile]) -> Float[np.ndarray, "tiles rows samples 2"]:
-        return np.stack([displacement(tile, trajectory, flow, camera, samples) for tile in cut])
+        return displacements(cut, trajectory, flow, camera, samples)
 
     cut = cut_for(trajectory, camera, tolerance, flow)
     found, cols = offsets(cut), camera.intrinsics.cols
     while not frame.fits(found, widest(cut), pixels.shape[2]) and 2 * len(cut) * NARROWEST <= cols:
         cut = cut_for(trajectory, camera, tolerance, flow, least=2 * len(cut))
         found = offsets(cut)
-    weights = frame.Weights(rho=TV_RHO, floor=TV_FLOOR, overlap=OVERLAP, rim=RIM)
+    weights = frame.Weights(rho=TV_RHO, floor=TV_FLOOR, ahead=TV_AHEAD, overlap=OVERLAP, rim=RIM)
     return frame.DeviceFrame(cut, found, pixels, clipped, weights)
 
 

@@ -28,7 +28,7 @@ def energy(scene: Scene, trajectory: Trajectory) -> float:
         system = tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
         op = system.op
         latent = total_variation(system, mu, steps=STEPS)
-        blurred = op.image(op.forward(op.spectrum(latent)))[:, op.left : op.left + op.cols]
+        blurred = system.blurred(latent)[:, op.left : op.left + op.cols]
         down, across = min(BORDER[0], op.rows // _MOST_BORDER), min(BORDER[1], op.cols // _MOST_BORDER)
         inner = np.s_[down : op.rows - down, across : op.cols - across]
         residual = (system.valid * (blurred - system.frame))[inner]

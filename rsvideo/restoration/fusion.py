@@ -8,16 +8,19 @@ Where neighbours show a place and none explains the frame, the frame's own laten
 wrong there, whatever its residual says.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy.polynomial import legendre
 
+from rsvideo import threads
 from rsvideo.physics.camera import Intrinsics, resampled_at
 from rsvideo.restoration.blurred_frame import BlurredFrame
+from rsvideo.restoration.rectification import between, nodes
 
 RIDGE = 0.6  # rho; origin: by trial
 FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out; origin: by trial
@@ -30,7 +33,7 @@ SOFT = 1.2  # px, of the Gaussian under which two frames are compared
 LIFT = 0.01  # linear light, beyond which two frames are compared by its square root
 EDGE = 8  # px beside the borders that are not compared
 LANCZOS = 4  # px from its place, the farthest pixel that a sample reads
-PLENTY = 500_000  # pixels; of larger frames every second row and column is compared
+PLENTY = 200_000  # pixels, about as many as are compared
 STEPS = 4  # of Gauss-Newton at most
 SETTLED = 0.02  # px; a step that moves no sample farther is the last
 OUTLIER = 3  # times the typical difference, at which a pixel counts half
@@ -74,8 +77,8 @@ def fused(frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], 
     limit = DOUBT**2 * (misfit(first.latent) + noise**2 / 2)
     total, weights = first.weight * first.latent, np.full(first.latent.shape[:2], first.weight, np.float32)
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
-    for other in sharpest:
-        image, there = _at_pose(first, other, intrinsics)
+    soft = _soft(first.latent)
+    for other, (image, there) in zip(sharpest, threads.each(lambda other: _at_pose(first, soft, other, intrinsics), sharpest), strict=True):
         agreement = np.asarray(there * np.exp(-misfit(image) / limit), np.float32)
         explained, shown = np.maximum(explained, agreement), shown | there
         weight = np.float32(other.weight) * agreement
@@ -85,21 +88,22 @@ def fused(frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], 
 
 
 def _grey(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
-    return np.ascontiguousarray(image.mean(axis=2))
+    return image @ np.full(image.shape[2], 1 / image.shape[2], np.float32)
 
 
 def _at_pose(
-    first: PosedImage, other: PosedImage, intrinsics: Intrinsics
+    first: PosedImage, soft: Float[np.ndarray, "rows cols"], other: PosedImage, intrinsics: Intrinsics
 ) -> tuple[Float[np.ndarray, "rows cols channels"], Bool[np.ndarray, "rows cols"]]:
-    """The other's latent image at the frame's own pose, and where the other shows it; elsewhere `first`."""
-    rows, cols = first.latent.shape[:2]
-    x, y = np.meshgrid(np.arange(cols, dtype=float), np.arange(rows, dtype=float))
+    """The other's latent image at the frame's own pose, and where the other shows it; elsewhere `first`, which `soft` is of."""
+    rows, cols = soft.shape
+    columns = nodes(cols)
+    x, y = np.meshgrid(columns.astype(float), np.arange(rows, dtype=float))
     at = resampled_at(intrinsics, first.pose - other.pose, x, y)
-    at = _aligned(_soft(first.latent), _soft(other.latent), at)
+    at = between((at + _misaligned(soft, _soft(other.latent), at, columns)).astype(np.float32), columns)
     image = _sampled(other.latent, at, cv2.INTER_LANCZOS4)
-    inside = np.asarray(((at >= LANCZOS) & (at <= np.array([cols, rows]) - 1 - LANCZOS)).all(axis=-1), np.uint8)
+    inside = np.asarray(((at >= LANCZOS) & (at <= np.array([cols, rows], np.float32) - 1 - LANCZOS)).all(axis=-1), np.uint8)
     there = cv2.erode(inside, np.ones((PATCH, PATCH)), borderValue=0) > 0
-    return np.where(there[..., None], np.clip(image, 0, 1), first.latent).astype(np.float32), there
+    return np.where(there[..., None], np.clip(image, 0, 1), first.latent), there
 
 
 def _soft(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
@@ -107,33 +111,44 @@ def _soft(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "
 
 
 def _sampled(image: np.ndarray, at: Float[np.ndarray, "rows cols 2"], how: int) -> np.ndarray:
-    x, y = at[..., 0].astype(np.float32), at[..., 1].astype(np.float32)
-    return cv2.remap(image, x, y, how, borderMode=cv2.BORDER_REPLICATE).reshape(image.shape)  # which OpenCV takes from a grey one
+    x, y = (np.ascontiguousarray(at[..., axis], np.float32) for axis in (0, 1))
+    shown = cv2.remap(image, x, y, how, borderMode=cv2.BORDER_REPLICATE)
+    return shown.reshape(*at.shape[:2], *image.shape[2:])  # which OpenCV takes from a grey one
 
 
-def _aligned(
-    first: Float[np.ndarray, "rows cols"], other: Float[np.ndarray, "rows cols"], at: Float[np.ndarray, "rows cols 2"]
-) -> Float[np.ndarray, "rows cols 2"]:
-    """Where to sample the other so that both agree (Lucas & Kanade): a shift, and its change across columns, smooth along the rows."""
+def _misaligned(
+    first: Float[np.ndarray, "rows cols"],
+    other: Float[np.ndarray, "rows cols"],
+    at: Float[np.ndarray, "rows nodes 2"],
+    columns: Int[np.ndarray, " nodes"],
+) -> Float[np.ndarray, "rows nodes 2"]:
+    """What to add to where the other is sampled so that both agree (Lucas & Kanade): a shift, and its change across columns, smooth
+    along the rows. Both are compared on every few rows and columns of a large frame."""
     rows, cols = first.shape
-    step = 2 if rows * cols > PLENTY else 1
+    step = max(1, round(math.sqrt(rows * cols / PLENTY)))
     thin = np.s_[EDGE : rows - EDGE : step, EDGE : cols - EDGE : step]
-    basis = legendre.legvander(np.linspace(-1, 1, rows), BENDS - 1)
-    across = np.linspace(-0.5, 0.5, cols)
+    basis, across = legendre.legvander(np.linspace(-1, 1, rows), BENDS - 1), np.linspace(-0.5, 0.5, cols)
+    p, wide = basis[thin[0]], across[thin[1]].astype(np.float32)
+    observed, start = first[thin], between(at[thin[0]].astype(np.float32), columns)[:, thin[1]]
+    gradients = cv2.Sobel(other, -1, 1, 0, scale=1 / 8), cv2.Sobel(other, -1, 0, 1, scale=1 / 8)
+    found = np.zeros((2, 2, BENDS))  # constant or across, axis, term
+
+    def moved(middle: np.ndarray, side: np.ndarray) -> np.ndarray:
+        constant, changing = np.swapaxes(found @ middle.T, 1, 2)
+        return constant[:, None] + changing[:, None] * side[:, None]
+
     for _ in range(STEPS):
-        sampled = _sampled(other, at, cv2.INTER_LINEAR)
-        gx, gy = cv2.Sobel(sampled, -1, 1, 0, scale=1 / 8)[thin], cv2.Sobel(sampled, -1, 0, 1, scale=1 / 8)[thin]
-        apart = first[thin] - sampled[thin]
+        place = start + moved(p, wide)
+        gx, gy, sampled = (_sampled(image, place, cv2.INTER_LINEAR) for image in (*gradients, other))
+        apart = observed - sampled
         weight = 1 / (1 + (apart / (OUTLIER * np.median(np.abs(apart)) + _LEAST_DIFFERENCE)) ** 2)
-        slopes = np.stack([gx, gy, gx * across[thin[1]].astype(np.float32), gy * across[thin[1]].astype(np.float32)])
-        by_row = np.einsum("frc,grc->rfg", slopes * weight, slopes, optimize=True)
-        p = basis[thin[0]]
+        slopes = np.stack([gx, gy, gx * wide, gy * wide])
+        by_row = np.matmul((slopes * weight).swapaxes(0, 1), slopes.transpose(1, 2, 0))
         normal = np.einsum("rfg,rp,rq->fpgq", by_row, p, p, optimize=True).reshape(4 * BENDS, 4 * BENDS)
-        right = np.einsum("frc,rc,rp->fp", slopes * weight, apart, p, optimize=True).ravel()
+        right = np.tensordot((slopes * weight * apart).sum(axis=2), p, axes=(1, 0)).ravel()
         normal += STIFFNESS * np.trace(normal) / len(normal) * np.eye(len(normal))
-        move = np.linalg.solve(normal, right).reshape(2, 2, BENDS) @ basis.T  # (constant or across, axis, rows)
-        change = move[0].T[:, None] + move[1].T[:, None] * across[:, None]
-        at = at + change
-        if np.abs(change).max() < SETTLED:
+        step_taken = np.linalg.solve(normal, right).reshape(2, 2, BENDS)
+        found = found + step_taken
+        if np.abs(step_taken[0] @ basis.T).max() + np.abs(step_taken[1] @ basis.T).max() / 2 < SETTLED:
             break
-    return at
+    return moved(basis, across[columns])

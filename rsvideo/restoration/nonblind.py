@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rsvideo import threads
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.row_fourier import Extent, Grid, RowFourier, extent, row_fourier
@@ -28,9 +30,11 @@ from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.total_variation import LatentUpdate
 from rsvideo.solvers.total_variation import total_variation as admm
 
+WIDEST = 512  # columns of a tile, its overlaps aside: tiles are worked on side by side, and small ones stay in the processor's caches
 LARGEST = 8e8  # bytes of a tile's systems; a frame whose tiles need more together has them made anew on each pass
 OVERLAP = 24  # columns over which neighbouring tiles are blended; origin: by trial
 TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term; origin: by trial
+TV_AHEAD = 0.8  # of a step of what is completed, by which it is carried on: it takes half as many; below 1, or it does not settle
 TV_FLOOR = 1e-5  # added to the normal matrix, which keeps it positive definite where no scanline samples it
 LIFT = 0.01  # the denoiser works on sqrt(l + LIFT): codes weigh shadows as eyes do, and shot noise evens out
 COARSEST = 0.03  # the splitting's first denoising strength, linear light; five steps from 0.03 to 0.006 were good with BM3D
@@ -39,7 +43,6 @@ FINEST_NOISE = 1.25  # times the noise: the last strength; origin: by trial
 UNEXPLAINED = 10.0  # weight of the residual's power beyond the noise's; chosen, as the next, on half of a corpus of photographs
 EXPLAINED = 1.5  # times the noise's power, which total variation leaves where the model holds: 0.6 to 1.5
 RIM = 16  # rows and columns along a tile's sides, a quarter at most, where the residual is not measured; origin: by trial
-MATCHED = 3  # splittings that share their matches: which patches look alike changes slowly; 2 is no better on six stills
 
 SamplesOf = Callable[[Tile], tuple[Float[np.ndarray, "rows samples 2"], Float[np.ndarray, "rows samples"] | None]]
 """Where the scanlines of a tile sample the latent image, and with which weights; None: all the same."""
@@ -51,62 +54,59 @@ class TileSystem:
 
     op: RowFourier
     normal: BandedHermitian  # K^H K
-    frame: Float[np.ndarray, "rows cols"]
-    valid: Float[np.ndarray, "rows cols"]  # 1 where the sample is data, 0 where it is clipped
-    completed: Float[np.ndarray, "rows period"]  # the frame, its sides joined smoothly
+    frame: Float[np.ndarray, "*channels rows cols"]
+    valid: Float[np.ndarray, "*channels rows cols"]  # 1 where the sample is data, 0 where it is clipped
+    completed: Float[np.ndarray, "*channels rows period"]  # the frame, its sides joined smoothly
 
     def roughness(self, rho: float, floor: float) -> Float[np.ndarray, " frequencies"]:
         """rho |d_x(f)|^2 + floor, the diagonal part of rho D^T D + floor I."""
         return (rho * self.op.difference_power + floor).astype(np.float32)
 
-    def complete(self, blurred: Float[np.ndarray, "rows period"]) -> Float[np.ndarray, "rows period"]:
+    def complete(self, blurred: Float[np.ndarray, "*channels rows period"]) -> Float[np.ndarray, "*channels rows period"]:
         """The frame where it is data, K l elsewhere; a clipped pixel is at least as bright as it reads."""
-        columns = slice(self.op.left, self.op.left + self.op.cols)
         out = blurred.copy()
-        out[:, columns] = np.where(self.valid > 0, self.frame, np.maximum(self.frame, blurred[:, columns]))
+        own = out[..., self.op.left : self.op.left + self.op.cols]
+        np.maximum(own, self.frame, out=own)
+        np.copyto(own, self.frame, where=self.valid > 0)
         return out
 
-    def crop(self, latent: Float[np.ndarray, "latent_rows period"]) -> Float[np.ndarray, "rows cols"]:
+    def crop(self, latent: Float[np.ndarray, "*channels latent_rows period"]) -> Float[np.ndarray, "*channels rows cols"]:
         """The latent image on the tile's own pixels."""
         return self.op.crop(latent, self.op.rows, self.op.cols)
+
+    def blurred(self, latent: Float[np.ndarray, "*channels latent_rows period"]) -> Float[np.ndarray, "*channels rows period"]:
+        """K l."""
+        return self.op.image(self.op.forward(self.op.spectrum(latent)))
 
 
 def tile_system(
     offsets: Float[np.ndarray, "rows samples 2"],
-    frame: Float[np.ndarray, "rows cols"],
-    valid: Float[np.ndarray, "rows cols"],
+    frame: Float[np.ndarray, "*channels rows cols"],
+    valid: Float[np.ndarray, "*channels rows cols"],
     weights: Float[np.ndarray, "rows samples"] | None = None,
 ) -> TileSystem:
     """The system of a tile whose scanlines sample the latent image at `offsets`, all with the same weight by default."""
-    op = row_fourier(offsets, frame.shape[1], weights=weights)
+    op = row_fourier(offsets, frame.shape[-1], weights=weights)
     re, im = op.gram()
     normal = BandedHermitian(re=re, im=im, frequencies=op.frequencies)
-    return with_frame(TileSystem(op=op, normal=normal, frame=frame, valid=valid, completed=frame), frame, valid)
-
-
-def with_frame(system: TileSystem, frame: Float[np.ndarray, "rows cols"], valid: Float[np.ndarray, "rows cols"]) -> TileSystem:
-    """The same blur of another channel: the factors are shared."""
-    op = system.op
-    gap = op.period - op.cols
-    ramp = np.linspace(0, 1, gap + 2, dtype=np.float32)[1:-1]
-    joined = np.concatenate([frame, frame[:, -1:] * (1 - ramp) + frame[:, :1] * ramp], axis=1)
-    completed = np.roll(joined, op.left, axis=1)
-    return TileSystem(op=op, normal=system.normal, frame=frame, valid=valid, completed=completed)
+    ramp = np.linspace(0, 1, op.period - op.cols + 2, dtype=np.float32)[1:-1]
+    joined = np.concatenate([frame, frame[..., -1:] * (1 - ramp) + frame[..., :1] * ramp], axis=-1)
+    return TileSystem(op=op, normal=normal, frame=frame, valid=valid, completed=np.roll(joined, op.left, axis=-1))
 
 
 def exact_update(system: TileSystem, rho: float) -> LatentUpdate[np.ndarray]:
-    """Step 1 of ADMM, argmin_l |K l - b|^2 / 2 + rho |D l - g|^2 / 2: one factor for all steps."""
-    op, D = system.op, Differences(periodic_cols=True)
-    factor = system.normal.plus(1, system.roughness(rho, TV_FLOOR), rho).factor()
+    """Step 1 of ADMM, argmin_l |K l - b|^2 / 2 + rho |D l - g|^2 / 2: one factor for all steps and channels."""
+    op, factor = system.op, system.normal.factor(system.roughness(rho, TV_FLOOR), rho)
 
-    def update(data: np.ndarray, g: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        spectrum = factor.solve(op.adjoint(op.spectrum(data)) + op.spectrum(np.float32(rho) * D.adjoint(g)))
-        return op.image(spectrum), system.complete(op.image(op.forward(spectrum)))
+    def update(data: np.ndarray, h: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        spectrum = factor.solve(op.adjoint(op.spectrum(data)) + op.spectrum(np.float32(rho) * h))
+        blurred = op.image(op.forward(spectrum))
+        return op.image(spectrum), system.complete(blurred + np.float32(TV_AHEAD) * (blurred - data))
 
     return update
 
 
-def total_variation(system: TileSystem, mu: float, *, steps: int) -> Float[np.ndarray, "latent_rows period"]:
+def total_variation(system: TileSystem, mu: float, *, steps: int) -> Float[np.ndarray, "*channels latent_rows period"]:
     """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by so many steps of ADMM (Algorithm 2), every l-update exact."""
     states = admm(
         system.completed,
@@ -114,20 +114,20 @@ def total_variation(system: TileSystem, mu: float, *, steps: int) -> Float[np.nd
         rho=TV_RHO,
         gradient=Differences(periodic_cols=True),
         update=exact_update(system, TV_RHO),
-        start=np.zeros((system.op.latent_rows, system.op.period), np.float32),
+        start=np.zeros((*system.frame.shape[:-2], system.op.latent_rows, system.op.period), np.float32),
     )
     return next(islice(states, steps, None)).latent
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TiledFrame:
-    """A frame as column tiles that overlap, each with its exact blur, channel by channel."""
+    """A frame as column tiles that overlap, each with its exact blur; they are worked on side by side, where memory holds them together."""
 
     pixels: Float[np.ndarray, "rows cols channels"]
     valid: Float[np.ndarray, "rows cols channels"]  # 1 where the sample is data
     cut: list[Tile]
     grids: Sequence[Grid]  # of each tile
-    systems: Sequence[list[TileSystem]]  # of each tile, of each channel; made anew on each pass where memory does not hold them together
+    systems: Sequence[TileSystem]  # of each tile, all channels; made anew on each pass where memory does not hold them together
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -142,52 +142,56 @@ class TiledFrame:
     def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
         """K image, what lies beyond it continued from its borders."""
         out = np.empty_like(image)
-        for tile, channels in zip(self.cut, self.systems, strict=True):
-            op = channels[0].op
-            blurred = op.image(op.forward(op.spectrum(op.extended(image[:, tile.first : tile.last]))))
-            out[:, tile.start : tile.stop] = blurred[:, op.left + tile.start - tile.first : op.left + tile.stop - tile.first]
+
+        def blur(tile: Tile, system: TileSystem) -> None:
+            b = system.blurred(system.op.extended(image[:, tile.first : tile.last]))
+            out[:, tile.start : tile.stop] = b[:, system.op.left + tile.start - tile.first : system.op.left + tile.stop - tile.first]
+
+        self._of_each(blur, self.cut)
         return out
 
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""
-        columns = [np.moveaxis(target[:, tile.first : tile.last], 2, 0) for tile in self.cut]
-        latents = [[grid.extended(channel) for channel in part] for grid, part in zip(self.grids, columns, strict=True)]
+        latents = [grid.extended(planes(target, tile)) for grid, tile in zip(self.grids, self.cut, strict=True)]
         return self.blended(self.nearest(latents, target, ridge))
 
-    def total_variation(self, mu: float, *, steps: int) -> list[list[np.ndarray]]:
-        """The latent image of each tile, of each channel, under total variation."""
-        return [[total_variation(s, mu, steps=steps) for s in channels] for channels in self.systems]
+    def total_variation(self, mu: float, *, steps: int) -> list[np.ndarray]:
+        """The latent images of each tile under total variation."""
+        return self._of_each(lambda _, system: total_variation(system, mu, steps=steps), self.cut)
 
-    def nearest(
-        self, latents: list[list[np.ndarray]], target: Float[np.ndarray, "rows cols channels"], ridge: float
-    ) -> list[list[np.ndarray]]:
+    def nearest(self, latents: list[np.ndarray], target: Float[np.ndarray, "rows cols channels"], ridge: float) -> list[np.ndarray]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
-        return [
-            [_towards(s, latent, target[:, tile.first : tile.last, c], ridge) for c, (s, latent) in enumerate(zip(ss, ls, strict=True))]
-            for tile, ss, ls in zip(self.cut, self.systems, latents, strict=True)
-        ]
+        wanted = [(latent, planes(target, tile)) for latent, tile in zip(latents, self.cut, strict=True)]
+        return self._of_each(lambda each, system: _towards(system, each[0], each[1], ridge), wanted)
 
-    def blended(self, latents: list[list[np.ndarray]]) -> Float[np.ndarray, "rows cols channels"]:
+    def blended(self, latents: list[np.ndarray]) -> Float[np.ndarray, "rows cols channels"]:
         """The tiles' latent images joined over their overlaps by linear weights."""
-        image, total = np.zeros(self.shape, np.float32), np.zeros(self.shape[1], np.float32)
-        for tile, grid, channels in zip(self.cut, self.grids, latents, strict=True):
+        rows, cols, channels = self.shape
+        image, total = np.zeros((channels, rows, cols), np.float32), np.zeros(cols, np.float32)
+        for tile, grid, latent in zip(self.cut, self.grids, latents, strict=True):
             weight, columns = tile.weight(OVERLAP), slice(tile.first, tile.last)
             total[columns] += weight
-            for c, latent in enumerate(channels):
-                image[:, columns, c] += weight * grid.crop(latent, len(image), tile.last - tile.first)
-        return image / total[:, None]
+            image[..., columns] += weight * grid.crop(latent, rows, tile.last - tile.first)
+        return cv2.merge([*(image / total)]).reshape(self.shape)
 
-    def unexplained(self, latents: list[list[np.ndarray]]) -> float:
+    def unexplained(self, latents: list[np.ndarray]) -> float:
         """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
-        total = count = 0.0
-        for system, latent in ((s, latent) for each in zip(self.systems, latents, strict=True) for s, latent in zip(*each, strict=True)):
+
+        def residual(latent: np.ndarray, system: TileSystem) -> tuple[float, float]:
             op = system.op
-            blurred = op.image(op.forward(op.spectrum(latent)))[:, op.left : op.left + op.cols]
+            blurred = system.blurred(latent)[..., op.left : op.left + op.cols]
             down, across = min(RIM, op.rows // 4), min(RIM, op.cols // 4)
-            inner = np.s_[down : op.rows - down, across : op.cols - across]
-            total += float(np.sum((system.valid * (blurred - system.frame))[inner] ** 2))
-            count += float(system.valid[inner].sum())
-        return total / max(count, 1.0)
+            inner = np.s_[..., down : op.rows - down, across : op.cols - across]
+            return float(np.sum((system.valid * (blurred - system.frame))[inner] ** 2)), float(system.valid[inner].sum())
+
+        totals, counts = zip(*self._of_each(residual, latents), strict=True)
+        return sum(totals) / max(sum(counts), 1.0)
+
+    def _of_each(self, work: Callable[[Any, TileSystem], Any], given: Sequence[Any]) -> list[Any]:
+        """What the work makes of what is given for each tile, and of the tile's system."""
+        if isinstance(self.systems, MadeAnew):
+            return [work(each, system) for each, system in zip(given, self.systems, strict=True)]
+        return threads.each(lambda k: work(given[k], self.systems[k]), range(len(given)))
 
     def match(self, guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
         """Which patches of a picture look like which."""
@@ -224,7 +228,7 @@ def tiled(
     def samples_of(tile: Tile) -> tuple[Float[np.ndarray, "rows samples 2"], None]:
         return displacement(tile, trajectory, flow, camera, samples), None
 
-    cut = cut_for(trajectory, camera, tolerance, flow)
+    cut = cut_for(trajectory, camera, tolerance, flow, least=math.ceil(pixels.shape[1] / WIDEST))
     while max(each.system_bytes for each in _extents(cut, samples_of)) > LARGEST and 2 * len(cut) * tiles.NARROWEST <= pixels.shape[1]:
         cut = cut_for(trajectory, camera, tolerance, flow, least=2 * len(cut))
     return tiled_from(cut, samples_of, pixels, clipped)
@@ -246,26 +250,30 @@ def tiled_from(
     """The frame whose scanlines sample the latent image, in each tile, at those offsets with those weights."""
     valid = (~clipped).astype(np.float32)
 
-    def made(k: int) -> list[TileSystem]:
-        columns = slice(cut[k].first, cut[k].last)
+    def made(k: int) -> TileSystem:
         offsets, weights = samples_of(cut[k])
-        first = tile_system(offsets, pixels[:, columns, 0], valid[:, columns, 0], weights)
-        return [first] + [with_frame(first, pixels[:, columns, c], valid[:, columns, c]) for c in range(1, pixels.shape[2])]
+        return tile_system(offsets, planes(pixels, cut[k]), planes(valid, cut[k]), weights)
 
     reaches = _extents(cut, samples_of)
     together = sum(each.system_bytes for each in reaches) <= LARGEST
-    systems = [made(k) for k in range(len(cut))] if together else MadeAnew(made, len(cut))
+    systems = threads.each(made, range(len(cut))) if together else MadeAnew(made, len(cut))
     return TiledFrame(pixels=pixels, valid=valid, cut=cut, grids=reaches, systems=systems)
+
+
+def planes(image: Float[np.ndarray, "rows cols channels"], tile: Tile) -> Float[np.ndarray, "channels rows tile"]:
+    """What a tile sees of a picture, channel by channel."""
+    part = np.ascontiguousarray(image[:, tile.first : tile.last], np.float32)
+    return np.stack(cv2.split(part))
 
 
 def _extents(cut: list[Tile], samples_of: SamplesOf) -> list[Extent]:
     return [extent(samples_of(tile)[0], tile.last - tile.first) for tile in cut]
 
 
-class MadeAnew(Sequence[list[TileSystem]]):
+class MadeAnew(Sequence[TileSystem]):
     """Systems of tiles, each made on its use, and not kept."""
 
-    def __init__(self, make: Callable[[int], list[TileSystem]], count: int) -> None:
+    def __init__(self, make: Callable[[int], TileSystem], count: int) -> None:
         self._make, self._count = make, count
 
     def __len__(self) -> int:
@@ -291,11 +299,11 @@ def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[An
         return
     noise = math.sqrt(noise**2 + UNEXPLAINED * max(frame.unexplained(latents) - EXPLAINED * noise**2, 0))
     pilot = matches = None
-    for step, sigma in enumerate(np.geomspace(max(COARSEST, COARSEST_NOISE * noise), FINEST_NOISE * noise, settings.splittings)):
+    for sigma in np.geomspace(max(COARSEST, COARSEST_NOISE * noise), FINEST_NOISE * noise, settings.splittings):
         root = np.sqrt(np.maximum(image, 0) + LIFT)
         strength = float(sigma / (2 * np.median(root)))
-        pilot = frame.denoise(root, strength) if pilot is None else pilot
-        matches = frame.match(pilot) if step % MATCHED == 0 else matches
+        matches = matches or frame.match(root)  # once: which patches look alike hardly changes
+        pilot = frame.denoise(root, strength, matches=matches) if pilot is None else pilot
         pilot = frame.denoise(root, strength, pilot=pilot, matches=matches)
         smooth = (pilot * pilot - LIFT).astype(np.float32)
         latents = frame.nearest(latents, smooth, float(noise**2 / sigma**2))
@@ -304,12 +312,14 @@ def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[An
 
 
 def _towards(
-    system: TileSystem, latent: Float[np.ndarray, "latent_rows period"], target: Float[np.ndarray, "rows cols"], ridge: float
-) -> Float[np.ndarray, "latent_rows period"]:
+    system: TileSystem,
+    latent: Float[np.ndarray, "channels latent_rows period"],
+    target: Float[np.ndarray, "channels rows cols"],
+    ridge: float,
+) -> Float[np.ndarray, "channels latent_rows period"]:
     """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
-    op = system.op
-    factor = system.normal.plus(1, system.roughness(0, ridge), 0).factor()
+    op, factor = system.op, system.normal.factor(system.roughness(0, ridge))
     aim = latent.copy()
     system.crop(aim)[:] = target
-    data = system.complete(op.image(op.forward(op.spectrum(latent))))
+    data = system.complete(system.blurred(latent))
     return op.image(factor.solve(op.adjoint(op.spectrum(data)) + np.float32(ridge) * op.spectrum(aim)))

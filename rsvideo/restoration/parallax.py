@@ -94,8 +94,15 @@ class Flow:
 
 def displacement(tile: Tile, path: Trajectory, flow: Flow | None, camera: Camera, samples: int) -> Float[np.ndarray, "rows samples 2"]:
     """Where the tile's scanlines sample the latent image over their exposures, relative to the pixel: along the path, less the flow."""
-    offsets = tiles.displacement(tile, path, camera.intrinsics, camera.timing, samples)
-    return offsets + flow.displacement(tile.middle, camera.timing, samples) if flow else offsets
+    return displacements([tile], path, flow, camera, samples)[0]
+
+
+def displacements(
+    cut: Sequence[Tile], path: Trajectory, flow: Flow | None, camera: Camera, samples: int
+) -> Float[np.ndarray, "tiles rows samples 2"]:
+    """The same of several tiles at once."""
+    offsets = tiles.displacements(cut, path, camera.intrinsics, camera.timing, samples)
+    return offsets + np.stack([flow.displacement(tile.middle, camera.timing, samples) for tile in cut]) if flow else offsets
 
 
 def concatenated(parts: Sequence[Points]) -> Points:

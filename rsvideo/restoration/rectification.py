@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 
 from rsvideo.physics.camera import Camera, turned
 from rsvideo.physics.trajectory import Trajectory
@@ -53,7 +53,7 @@ def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.n
     the scanline's time from the middle, and u the velocity of points beyond the path.
     """
     timing, lens, poses = camera.timing, camera.intrinsics, scanline_poses(path, camera)
-    columns = np.unique(np.r_[np.arange(0, lens.cols, _NODES), lens.cols - 1])
+    columns = nodes(lens.cols)
     x, y = np.meshgrid(columns.astype(float), np.arange(lens.rows, dtype=float))
     at = home = np.stack([x, y], axis=-1)
     drift = _everywhere(flow, columns, lens.rows) if flow else np.zeros((1, 1, 2))
@@ -64,18 +64,28 @@ def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.n
         last, at = at, home + turned(lens, x, y, -pose) + when[..., None] * drift
         if np.abs(at - last).max() < _CLOSE:
             break
-    every = np.arange(lens.cols)
+    return between(at.astype(np.float32), columns)
+
+
+def nodes(cols: int) -> Int[np.ndarray, " nodes"]:
+    """The columns whose pixels are followed exactly: every _NODES px, and the last."""
+    return np.unique(np.r_[np.arange(0, cols, _NODES), cols - 1])
+
+
+def between(at: Float32[np.ndarray, "rows nodes 2"], columns: Int[np.ndarray, " nodes"]) -> Float32[np.ndarray, "rows cols 2"]:
+    """Places of every column, from those of the nodes by linear interpolation."""
+    every = np.arange(columns[-1] + 1)
     low = np.clip(np.searchsorted(columns, every, side="right") - 1, 0, max(len(columns) - 2, 0))
     high = np.minimum(low + 1, len(columns) - 1)
-    share = ((every - columns[low]) / np.maximum(columns[high] - columns[low], 1))[:, None]
-    return ((1 - share) * at[:, low] + share * at[:, high]).astype(np.float32)
+    share = ((every - columns[low]) / np.maximum(columns[high] - columns[low], 1))[:, None].astype(np.float32)
+    return at[:, low] + share * (at[:, high] - at[:, low])
 
 
 def _everywhere(flow: Flow, columns: np.ndarray, rows: int) -> Float[np.ndarray, "rows columns 2"]:
     """The field in these columns, from that of every few rows."""
-    some = np.unique(np.r_[np.arange(0, rows, _NODES), rows - 1])
-    nodes = flow.at(np.stack(np.meshgrid(columns, some), axis=-1).reshape(-1, 2).astype(float)).reshape(len(some), -1)
-    return np.stack([np.interp(np.arange(rows), some, column) for column in nodes.T], axis=1).reshape(rows, len(columns), 2)
+    some = nodes(rows)
+    found = flow.at(np.stack(np.meshgrid(columns, some), axis=-1).reshape(-1, 2).astype(float)).reshape(len(some), -1)
+    return np.stack([np.interp(np.arange(rows), some, column) for column in found.T], axis=1).reshape(rows, len(columns), 2)
 
 
 def resampled(view: View, at: Float[np.ndarray, "rows cols 2"]) -> View:

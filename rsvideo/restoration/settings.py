@@ -6,7 +6,7 @@ from typing import Literal
 Quality = Literal["draft", "normal", "best"]
 MOST_DEGREE = 12  # of the path: one frame does not determine more
 DENOISER_MU = 5e-4  # weight of total variation in the image that the denoiser's splitting starts from; origin: by trial
-TV_FIRST_STEPS = 20  # of ADMM for that image; origin: by trial
+TV_FIRST_STEPS = 10  # of ADMM for that image; origin: by trial
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,8 +22,8 @@ class Effort:
 
 EFFORTS: dict[Quality, Effort] = {
     "draft": Effort(heats=((3, False, 4), (5, True, 4)), blur_steps=2, neighbours=1, tv_steps=TV_FIRST_STEPS, splittings=0),
-    "normal": Effort(heats=((3, False, 6), (5, False, 4), (5, True, 6)), blur_steps=6, neighbours=3, tv_steps=50, splittings=6),
-    "best": Effort(heats=((3, False, 12), (5, False, 8), (5, True, 8)), blur_steps=12, neighbours=5, tv_steps=100, splittings=12),
+    "normal": Effort(heats=((3, False, 6), (5, False, 4), (5, True, 6)), blur_steps=6, neighbours=3, tv_steps=50, splittings=4),
+    "best": Effort(heats=((3, False, 12), (5, False, 8), (5, True, 8)), blur_steps=12, neighbours=5, tv_steps=100, splittings=8),
 }
 
 

@@ -30,7 +30,7 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration import device_frame
 from rsvideo.restoration.blurred_frame import Eliminated
 from rsvideo.restoration.nonblind import TileSystem, tile_system
-from rsvideo.restoration.parallax import displacement
+from rsvideo.restoration.parallax import displacements
 from rsvideo.restoration.scene import Scene
 from rsvideo.solvers.banded import BandedFactor
 from rsvideo.threads import loop, spread
@@ -118,14 +118,14 @@ def _derivative_along_rows(op: RowFourier, spectrum: Complex[np.ndarray, "n freq
 def _latent(system: TileSystem, ridge: float) -> tuple[BandedFactor, np.ndarray, np.ndarray, np.ndarray]:
     """M's factor, the frame completed beyond its columns, l = M^-1 K^H b as a spectrum, and K l."""
     op = system.op
-    factor = system.normal.plus(1, system.roughness(ridge, FLOOR * ridge), ridge).factor()
-    data, latent = system.completed, op.spectrum(np.zeros((op.latent_rows, op.period), np.float32))
-    blurred = data
-    for again in range(COMPLETIONS):
-        data = system.complete(blurred) if again else system.completed
+    factor = system.normal.factor(system.roughness(ridge, FLOOR * ridge), ridge)
+    data, again = system.completed, 1
+    while True:
         latent = factor.solve(op.adjoint(op.spectrum(data)))
         blurred = op.image(op.forward(latent))
-    return factor, data, latent, blurred
+        if again == COMPLETIONS:
+            return factor, data, latent, blurred
+        data, again = system.complete(blurred), again + 1
 
 
 def _measured(op: RowFourier) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
@@ -171,8 +171,8 @@ def _tile_objective(
 def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"]]]:
     """The scene's tiles, each with the displacements of its path samples."""
     count = 1 if trajectory.coefficients.shape[1] == 2 and not scene.flow else scene.tiles
-    for tile in tiles.split(scene.camera.intrinsics.cols, count, 0):
-        yield tile, displacement(tile, trajectory, scene.flow, scene.camera, scene.samples)
+    cut = tiles.split(scene.camera.intrinsics.cols, count, 0)
+    yield from zip(cut, displacements(cut, trajectory, scene.flow, scene.camera, scene.samples), strict=True)
 
 
 def _system(scene: Scene, tile: Tile, offsets: Float[np.ndarray, "rows samples 2"]) -> TileSystem:

@@ -13,13 +13,17 @@ mirror image, which is the same line run backwards, are alike here, and the spar
 """
 
 from dataclasses import dataclass, field
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Complex, Float
+from numba import njit
 
+from rsvideo.lanes import LANES, alike, exponential, larger, load, store, total
 from rsvideo.physics.camera import lever
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.scene import Scene
+from rsvideo.threads import loop, spread
 
 SIDE = 64  # px of a patch
 STRIPS, SIDES = 9, 2  # parts of the frame, over its scanlines and across them, for roll blurs the sides along different paths
@@ -39,7 +43,7 @@ DIRECTED = 0.3  # standard deviation of how much the power prefers directions
 BELIEF = 5e-3  # weight of what is believed of the beta, beside a frequency's likelihood
 STEPS = 9  # of Newton's method for the beta, at most
 LEAST_CURVATURE = 0.1  # of its expectation, which a frequency's curvature in beta . phi counts for at least
-LONGEST_STEP, SHORTEST_STEP = 1.5, 5e-3  # how far a step may lead, and how short a step ends them: the misfit is flat there
+LONGEST_STEP, SHORTEST_STEP = 1.5, 1e-3  # how far a step may lead, and how short a step ends them: the misfit is flat there
 
 
 _ALL_DOWN, _ALL_ACROSS = 2 * np.pi * np.fft.fftfreq(SIDE), 2 * np.pi * np.fft.rfftfreq(SIDE)
@@ -121,6 +125,7 @@ class Spectrum:
     basis: Float[np.ndarray, "lines samples terms"] = field(init=False)  # about each scanline's mean, without the constant
     levers: Float[np.ndarray, "lines 2 axes"] = field(init=False)
     beside: Float[np.ndarray, "lines samples 2"] | float = field(init=False)  # px, what the scene's flow adds to a path
+    counted: tuple[Float[np.ndarray, "parts taken"], Float[np.ndarray, " parts"]] = field(init=False)  # S where it counts, and n
 
     def __post_init__(self) -> None:
         timing, lens = self.scene.camera.timing, self.scene.camera.intrinsics
@@ -135,6 +140,7 @@ class Spectrum:
         if flow := self.scene.flow:
             beside = (open_for.mean() - open_for)[:, None] * flow.at(np.stack([columns, lines], axis=-1))[:, None]
         object.__setattr__(self, "beside", beside)
+        object.__setattr__(self, "counted", (_counted(self.patches.power), self.patches.noise.astype(np.float32)))
 
     def value(self, path: Trajectory) -> float:
         """The misfit of a path."""
@@ -142,16 +148,16 @@ class Spectrum:
 
     def misfit(self, coefficients: Float[np.ndarray, "unknowns axes"], *, slope: bool = True) -> tuple[float, np.ndarray]:
         """The mean over frequencies of log M + S / M, and its derivative in the coefficients but the constant ones."""
-        q = np.einsum("lsp,pa,lja->lsj", self.basis, coefficients, self.levers, optimize=True) + self.beside
+        q = np.matmul(self.basis @ coefficients, self.levers.swapaxes(-1, -2)) + self.beside
         ey, ex = _waves(q[..., 1], _DOWN), _waves(q[..., 0], _ACROSS)
         k = np.matmul(ey.swapaxes(-1, -2), ex) / SAMPLES
-        dark = (np.abs(k) ** 2).reshape(-1, len(LINES), *k.shape[1:]).mean(axis=1) + LEAK
-        value, by_power = _whittle(self.patches, dark)
+        dark = (k.real**2 + k.imag**2).reshape(-1, len(LINES), *k.shape[1:]).mean(axis=1) + LEAK
+        value, by_power = _whittle(self.counted, self.patches.weight, dark)
         if not slope:
             return value, np.zeros_like(coefficients)
         shared = np.repeat(by_power, len(LINES), axis=0) * k.conj() * (2 / SAMPLES / len(LINES))
         by_path = np.stack([_along(shared.swapaxes(-1, -2), ey, ex, _ACROSS), _along(shared, ex, ey, _DOWN)], axis=-1)
-        return value, np.einsum("lsp,lsj,lja->pa", self.basis, by_path, self.levers, optimize=True)
+        return value, np.tensordot(self.basis, np.matmul(by_path, self.levers), axes=((0, 1), (0, 1)))
 
 
 def _waves(place: Float[np.ndarray, "lines samples"], frequencies: Float[np.ndarray, " m"]) -> Complex[np.ndarray, "lines samples m"]:
@@ -173,51 +179,139 @@ def _along(
     return -frequencies.astype(np.float32) @ (own.swapaxes(-1, -2) * inner).imag
 
 
-def _features() -> tuple[Float[np.ndarray, "features counted"], Float[np.ndarray, "n half"]]:
+def _features() -> tuple[Float[np.ndarray, "features all"], Float[np.ndarray, "n half"]]:
     """phi(w), and how often each frequency counts: twice, for the half that is not held, but once on its edge; 0 beyond the bounds."""
     angle = np.arctan2(_DOWN[:, None], _ACROSS[None])
     fall = 2 * np.log(np.maximum(_MAGNITUDE, _ACROSS[1] / 2))
     periods = _MAGNITUDE / _ACROSS[1]
     times = ((periods > LOWEST) & (periods < HIGHEST / _ACROSS[1])) * np.where(_ACROSS == 0, 1.0, 2.0)
     features = np.array([np.ones_like(fall), fall, np.cos(2 * angle), np.sin(2 * angle), np.cos(4 * angle)])
-    return features[:, times > 0].astype(np.float32), times.astype(np.float32)
+    return features.reshape(len(features), -1).astype(np.float32), times.astype(np.float32)
 
 
-_PHI, _TIMES = _features()
-_COUNTED = _TIMES > 0
-_COUNT = _TIMES[_COUNTED]
-_PAIRS = (_PHI[:, None] * _PHI).reshape(-1, _PHI.shape[1]).T  # (counted, features * features)
+_FEATURES, _TIMES = _features()
+_COUNTED = np.flatnonzero(_TIMES)
+_SPARE = -len(_COUNTED) % LANES  # of the last lanes
+_TAKEN = np.concatenate([_COUNTED, np.full(_SPARE, _COUNTED[0])])  # the frequencies that count, and one of them where lanes are to spare
+_COUNT = np.concatenate([_TIMES.ravel()[_COUNTED], np.zeros(_SPARE, np.float32)])  # where it does not count
+_PHI = np.ascontiguousarray(_FEATURES[:, _TAKEN])
+_PAIRS = (_PHI[:, None] * _PHI).reshape(-1, len(_TAKEN))
 _MEAN = np.array([0.0, FALL, 0.0, 0.0, 0.0])
 _STIFFNESS = np.array([0.0, FALL_SPREAD**-2, DIRECTED**-2, DIRECTED**-2, DIRECTED**-2])
+_LEAST_LEVEL = 1e-12  # of a signal: log is taken of it
 
 
-def _whittle(observed: Patches, dark: Float[np.ndarray, "parts n half"]) -> tuple[float, Float[np.ndarray, "parts n half"]]:
+def _counted(image: Float[np.ndarray, "parts n half"]) -> Float[np.ndarray, "parts taken"]:
+    """What each part has at the frequencies that count."""
+    return np.ascontiguousarray(image.reshape(len(image), -1)[:, _TAKEN], np.float32)
+
+
+def _whittle(
+    observed: tuple[Float[np.ndarray, "parts taken"], Float[np.ndarray, " parts"]],
+    weight: Float[np.ndarray, " parts"],
+    dark: Float[np.ndarray, "parts n half"],
+) -> tuple[float, Float[np.ndarray, "parts n half"]]:
     """The misfit for |k|^2 = `dark`, the betas at their best, and its derivative in `dark`."""
-    total, counted = float(_COUNT.sum()), dark[:, _COUNTED]
-    power, noise = observed.power[:, _COUNTED].astype(np.float32), observed.noise[:, None].astype(np.float32)
-    beta = np.tile(_MEAN, (len(power), 1))
+    power, noise = observed
+    misfit, slope = np.empty(len(power)), np.empty_like(power)
+    flat = (power.ravel(), noise, _counted(dark).ravel(), _PHI.ravel(), _PAIRS.ravel(), _COUNT, misfit, slope.ravel())
+    spread(_fitted, len(power), *flat)
+    by_dark = np.zeros((len(dark), dark[0].size), np.float32)
+    by_dark[:, _COUNTED] = slope[:, : len(_COUNTED)] * weight[:, None].astype(np.float32)
+    return float(weight @ misfit), by_dark.reshape(dark.shape)
 
-    def signals() -> Float[np.ndarray, "parts counted"]:
-        return np.exp(beta.astype(np.float32) @ _PHI) * counted
 
-    flat = signals()
-    beta[:, 0] = np.log(np.maximum(np.maximum(power - noise, 0) / flat @ _COUNT / total, 1e-12))
-    belief = 2 * BELIEF * total * _STIFFNESS
-    for _ in range(STEPS):
-        signal = signals()
-        ratio, excess = signal / (signal + noise), power / (signal + noise)
-        slope = (_COUNT * (excess - 1) * ratio) @ _PHI.T - belief * (beta - _MEAN)
-        bend = np.maximum(ratio * (1 - ratio - excess * (1 - 2 * ratio)), LEAST_CURVATURE * ratio**2)
-        curvature = ((_COUNT * bend) @ _PAIRS).reshape(-1, len(_PHI), len(_PHI)) + np.diag(belief)
-        step = np.clip(np.linalg.solve(curvature, slope[..., None])[..., 0], -LONGEST_STEP, LONGEST_STEP)
-        beta += step
-        if np.abs(step).max() < SHORTEST_STEP:
-            break
-    signal = signals()
-    model = signal + noise
-    unlikely = BELIEF * (_STIFFNESS * (beta - _MEAN) ** 2).sum(axis=1)
-    misfit = (_COUNT * (np.log(model) + power / model)).sum(axis=1, dtype=float) / total + unlikely
-    by_dark = np.zeros_like(dark)
-    weight = observed.weight[:, None].astype(np.float32)
-    by_dark[:, _COUNTED] = _COUNT * (1 / model - power / model**2) * (signal / counted) / total * weight
-    return float(observed.weight @ misfit), by_dark
+@no_type_check
+@loop(fastmath=False)
+def _fitted(first, last, power, noise, dark, phi, pairs, times, misfit, slope):
+    """Newton's method for each part's beta, and what it leads to."""
+    count, features = len(times), len(phi) // len(times)
+    signal, along, bend = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+    beta, gradient, curvature = np.empty(features), np.empty(features), np.empty((features, features))
+    whole, one, two = times.sum(), alike(np.float32(1)), alike(np.float32(2))
+    for p in range(first, last):
+        n, own = alike(noise[p]), p * count
+        beta[:] = _MEAN
+        _signal(beta, phi, dark, own, signal)
+        level = alike(np.float32(0))
+        for w in range(0, count, LANES):
+            above = larger(load(power, own + w) - n, alike(np.float32(0)))
+            level = level + load(times, w) * above / load(signal, w)
+        beta[0] = np.log(max(total(level) / whole, _LEAST_LEVEL))
+        for _ in range(STEPS):
+            _signal(beta, phi, dark, own, signal)
+            for w in range(0, count, LANES):
+                weight, inverse = load(times, w), one / (load(signal, w) + n)
+                ratio, excess = load(signal, w) * inverse, load(power, own + w) * inverse
+                store(along, w, weight * (excess - one) * ratio)
+                curved = ratio * (one - ratio - excess * (one - two * ratio))
+                store(bend, w, weight * larger(curved, alike(np.float32(LEAST_CURVATURE)) * ratio * ratio))
+            for a in range(features):
+                belief = 2 * BELIEF * whole * _STIFFNESS[a]
+                gradient[a] = _dot(along, phi, a * count) - belief * (beta[a] - _MEAN[a])
+                for b in range(a + 1):
+                    curvature[a, b] = _dot(bend, pairs, (a * features + b) * count)
+                curvature[a, a] += belief
+            _solved(curvature, gradient)
+            farthest = 0.0
+            for a in range(features):
+                step = min(max(gradient[a], -LONGEST_STEP), LONGEST_STEP)
+                beta[a] += step
+                farthest = max(farthest, abs(step))
+            if farthest < SHORTEST_STEP:
+                break
+        _signal(beta, phi, dark, own, signal)
+        value = 0.0
+        for w in range(count):
+            value += times[w] * (np.log(signal[w] + noise[p]) + power[own + w] / (signal[w] + noise[p]))
+        value /= whole
+        for w in range(0, count, LANES):
+            inverse = one / (load(signal, w) + n)
+            by_signal = load(times, w) * (one - load(power, own + w) * inverse) * inverse
+            store(slope, own + w, by_signal * load(signal, w) / load(dark, own + w) / alike(np.float32(whole)))
+        for a in range(features):
+            value += BELIEF * _STIFFNESS[a] * (beta[a] - _MEAN[a]) ** 2
+        misfit[p] = value
+
+
+@no_type_check
+@njit(cache=True)
+def _signal(beta, phi, dark, own, signal):
+    """exp(beta . phi) |k|^2 of each frequency."""
+    count = len(signal)
+    for w in range(0, count, LANES):
+        power = alike(np.float32(0))
+        for a in range(len(beta)):
+            power = power + alike(np.float32(beta[a])) * load(phi, a * count + w)
+        store(signal, w, exponential(power) * load(dark, own + w))
+
+
+@no_type_check
+@njit(cache=True)
+def _dot(a, b, at):
+    """Of an array with the part of another from a place on."""
+    summed = alike(np.float32(0))
+    for w in range(0, len(a), LANES):
+        summed = summed + load(a, w) * load(b, at + w)
+    return total(summed)
+
+
+@no_type_check
+@njit(cache=True)
+def _solved(matrix, vector):
+    """In place: vector <- matrix^-1 vector, by Cholesky's factor of a few rows, of which the lower triangle is read."""
+    n = len(vector)
+    for i in range(n):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+    for i in range(n):
+        for k in range(i):
+            vector[i] -= matrix[i, k] * vector[k]
+        vector[i] /= matrix[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            vector[i] -= matrix[k, i] * vector[k]
+        vector[i] /= matrix[i, i]

@@ -1,7 +1,7 @@
 """Batches of Hermitian positive definite banded systems, one per frequency, as values.
 
-The batch runs along the last axis in lanes of `LANES` systems, real and imaginary parts apart, so that every inner
-loop is a contiguous vector operation. A matrix is stored by its upper band: entry (j, o) stands for (j, j + o).
+The batch runs along the last axis in lanes of `LANES` systems, real and imaginary parts apart, so that every step of a kernel is one of
+whole vectors. A matrix is stored by its upper band: entry (j, o) stands for (j, j + o).
 """
 
 from dataclasses import dataclass
@@ -10,10 +10,8 @@ from typing import no_type_check
 import numpy as np
 from jaxtyping import Complex, Float
 
+from rsvideo.lanes import LANES, alike, gathered, load, root, scattered, store
 from rsvideo.threads import loop, spread
-
-LANES = 16
-_FAST = {"nnan", "ninf", "nsz"}  # nothing that moves a rounding: a cached loop would differ there from one that is compiled just now
 
 
 def blocks(frequencies: int) -> int:
@@ -22,73 +20,83 @@ def blocks(frequencies: int) -> int:
 
 
 @no_type_check
-@loop(fastmath=_FAST)
-def _factor(first, last, re, im):
-    """In place: upper Cholesky factor R of N = R^H R for every lane. Arrays (blocks, rows, width, LANES)."""
-    _, rows, width, _ = re.shape
+@loop(fastmath=False)
+def _factor(first, last, band_re, band_im, scale, diagonal, neighbour, rows, width, re, im):
+    """The upper Cholesky factor R of N = R^H R for every lane, N the scaled band and what is added to it; all arrays are flat.
+
+    Row j of R follows from the rows above that reach it; two of its entries are summed at a time.
+    """
+    times, one, twice, once = alike(scale), alike(np.float32(1)), alike(np.float32(2) * neighbour), alike(neighbour)
+    nothing = alike(np.float32(0))
     for c in range(first, last):
-        pr = np.empty(LANES, np.float32)
-        pi = np.empty(LANES, np.float32)
         for j in range(rows):
-            w = min(width, rows - j)
-            for b in range(LANES):
-                pr[b] = np.float32(1) / np.sqrt(re[c, j, 0, b])
-            for o in range(w):
-                for b in range(LANES):
-                    re[c, j, o, b] *= pr[b]
-                    im[c, j, o, b] *= pr[b]
-            for p in range(1, w):
-                for b in range(LANES):
-                    pr[b] = re[c, j, p, b]
-                    pi[b] = im[c, j, p, b]
-                for o in range(w - p):
-                    for b in range(LANES):
-                        xr = re[c, j, p + o, b]
-                        xi = im[c, j, p + o, b]
-                        re[c, j + p, o, b] -= pr[b] * xr + pi[b] * xi
-                        im[c, j + p, o, b] -= pr[b] * xi - pi[b] * xr
+            row = (c * rows + j) * width * LANES
+            pivot = one
+            for o in range(0, width, 2):
+                at, pair = row + o * LANES, o + 1 < width
+                ar, ai = times * load(band_re, at), times * load(band_im, at)
+                br, bi = nothing, nothing
+                if pair:
+                    br, bi = times * load(band_re, at + LANES), times * load(band_im, at + LANES)
+                if o == 0:
+                    ar = ar + load(diagonal, c * LANES)
+                    ar = ar + (once if j == 0 or j == rows - 1 else twice)
+                    if j < rows - 1:
+                        br = br - once
+                for p in range(1, min(j, width - 1 - o) + 1):
+                    above = ((c * rows + j - p) * width + p) * LANES
+                    pr, pi = load(re, above), load(im, above)
+                    xr, xi = load(re, above + o * LANES), load(im, above + o * LANES)
+                    ar = ar - pr * xr - pi * xi
+                    ai = ai - pr * xi + pi * xr
+                    if p + o + 1 < width:
+                        xr, xi = load(re, above + (o + 1) * LANES), load(im, above + (o + 1) * LANES)
+                        br = br - pr * xr - pi * xi
+                        bi = bi - pr * xi + pi * xr
+                if o == 0:
+                    pivot = one / root(ar)
+                    ai = nothing
+                store(re, at, ar * pivot)
+                store(im, at, ai * pivot)
+                if pair:
+                    store(re, at + LANES, br * pivot)
+                    store(im, at + LANES, bi * pivot)
 
 
 @no_type_check
-@loop(fastmath=_FAST)
-def _solve(first, last, re, im, x):
-    """In place: x <- (R^H R)^-1 x; x is (rows, frequencies, 2)."""
-    _, rows, width, _ = re.shape
-    frequencies = x.shape[1]
+@loop(fastmath=False)
+def _solve(first, last, re, im, rows, width, frequencies, count, x):
+    """In place: x <- (R^H R)^-1 x for so many right-hand sides; x is (count, rows, frequencies, 2), flat as all arrays are."""
+    y = np.empty(count * rows * 2 * LANES, np.float32)
     for c in range(first, last):
-        yr = np.zeros((rows, LANES), np.float32)
-        yi = np.zeros((rows, LANES), np.float32)
-        live = min(LANES, frequencies - c * LANES)
-        for j in range(rows):
-            for b in range(live):
-                yr[j, b] = x[j, c * LANES + b, 0]
-                yi[j, b] = x[j, c * LANES + b, 1]
+        gathered(x, count * rows, frequencies, c, y)
         for j in range(rows):  # R^H y = x
-            w = min(width, rows - j)
-            for b in range(LANES):
-                yr[j, b] /= re[c, j, 0, b]
-                yi[j, b] /= re[c, j, 0, b]
-            for o in range(1, w):
-                for b in range(LANES):
-                    rr = re[c, j, o, b]
-                    ri = im[c, j, o, b]
-                    yr[j + o, b] -= rr * yr[j, b] + ri * yi[j, b]
-                    yi[j + o, b] -= rr * yi[j, b] - ri * yr[j, b]
+            row, reach = (c * rows + j) * width * LANES, min(width, rows - j)
+            pivot = alike(np.float32(1)) / load(re, row)
+            for s in range(count):
+                at = (s * rows + j) * 2 * LANES
+                vr, vi = load(y, at) * pivot, load(y, at + LANES) * pivot
+                store(y, at, vr)
+                store(y, at + LANES, vi)
+                for o in range(1, reach):
+                    rr, ri = load(re, row + o * LANES), load(im, row + o * LANES)
+                    to = at + 2 * o * LANES
+                    store(y, to, load(y, to) - rr * vr - ri * vi)
+                    store(y, to + LANES, load(y, to + LANES) - rr * vi + ri * vr)
         for j in range(rows - 1, -1, -1):  # R x = y
-            w = min(width, rows - j)
-            for o in range(1, w):
-                for b in range(LANES):
-                    rr = re[c, j, o, b]
-                    ri = im[c, j, o, b]
-                    yr[j, b] -= rr * yr[j + o, b] - ri * yi[j + o, b]
-                    yi[j, b] -= rr * yi[j + o, b] + ri * yr[j + o, b]
-            for b in range(LANES):
-                yr[j, b] /= re[c, j, 0, b]
-                yi[j, b] /= re[c, j, 0, b]
-        for j in range(rows):
-            for b in range(live):
-                x[j, c * LANES + b, 0] = yr[j, b]
-                x[j, c * LANES + b, 1] = yi[j, b]
+            row, reach = (c * rows + j) * width * LANES, min(width, rows - j)
+            pivot = alike(np.float32(1)) / load(re, row)
+            for s in range(count):
+                at = (s * rows + j) * 2 * LANES
+                vr, vi = load(y, at), load(y, at + LANES)
+                for o in range(1, reach):
+                    rr, ri = load(re, row + o * LANES), load(im, row + o * LANES)
+                    wr, wi = load(y, at + 2 * o * LANES), load(y, at + (2 * o + 1) * LANES)
+                    vr = vr - rr * wr + ri * wi
+                    vi = vi - rr * wi - ri * wr
+                store(y, at, vr * pivot)
+                store(y, at + LANES, vi * pivot)
+        scattered(y, count * rows, frequencies, c, x)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,37 +106,35 @@ class BandedFactor:
     re: Float[np.ndarray, "blocks rows width lanes"]
     im: Float[np.ndarray, "blocks rows width lanes"]
 
-    def solve(self, rhs: Complex[np.ndarray, "rows frequencies"]) -> Complex[np.ndarray, "rows frequencies"]:
-        """N^-1 rhs, one system per frequency."""
+    def solve(self, rhs: Complex[np.ndarray, "*sides rows frequencies"]) -> Complex[np.ndarray, "*sides rows frequencies"]:
+        """N^-1 rhs, one system per frequency, for any number of right-hand sides."""
         x = rhs.astype(np.complex64, order="C")  # a copy: solved in place
-        spread(_solve, len(self.re), self.re, self.im, x.view(np.float32).reshape(*x.shape, 2), size=self.re.nbytes)
+        count, rows, width, _ = self.re.shape
+        sides = x.size // (rows * x.shape[-1])
+        work = (self.re.ravel(), self.im.ravel(), rows, width, x.shape[-1], sides, x.view(np.float32).ravel())
+        spread(_solve, count, *work, size=self.re.nbytes)
         return x
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BandedHermitian:
-    """A batch of Hermitian banded matrices by their upper bands; lanes beyond the batch hold the identity."""
+    """A batch of Hermitian banded matrices by their upper bands."""
 
     re: Float[np.ndarray, "blocks rows width lanes"]
     im: Float[np.ndarray, "blocks rows width lanes"]
     frequencies: int
 
-    def plus(self, scale: float, diagonal: Float[np.ndarray, " frequencies"], neighbour: float) -> "BandedHermitian":
-        """scale * self + (diagonal(f) I + neighbour * D_y^T D_y), with D_y the forward difference of rows, free at both ends."""
-        re, im = scale * self.re, scale * self.im
-        lanes = np.ones(re.shape[0] * LANES, np.float32)
-        lanes[: self.frequencies] = diagonal
-        re[:, :, 0] += lanes.reshape(-1, 1, LANES)
-        if neighbour:
-            re[:, 1:-1, 0] += 2 * neighbour
-            re[:, (0, -1), 0] += neighbour
-            re[:, :-1, 1] -= neighbour
-        return BandedHermitian(re=re, im=im, frequencies=self.frequencies)
+    def factor(self, diagonal: Float[np.ndarray, " frequencies"], neighbour: float = 0.0, *, scale: float = 1.0) -> BandedFactor:
+        """Cholesky of scale * self + diagonal(f) I + neighbour * D_y^T D_y, with D_y the forward difference of rows, free at both ends.
 
-    def factor(self) -> BandedFactor:
-        """Cholesky, O(rows * width^2) per frequency."""
-        re, im = self.re.astype(np.float32), self.im.astype(np.float32)
-        spread(_factor, len(re), re, im)
+        It takes O(rows * width^2) per frequency.
+        """
+        count, rows, width, _ = self.re.shape
+        lanes = np.ones(count * LANES, np.float32)
+        lanes[: self.frequencies] = diagonal
+        re, im = np.empty_like(self.re), np.empty_like(self.im)
+        added = (np.float32(scale), lanes, np.float32(neighbour))
+        spread(_factor, count, self.re.ravel(), self.im.ravel(), *added, rows, width, re.ravel(), im.ravel())
         return BandedFactor(re=re, im=im)
 
     def dense(self, frequency: int) -> Complex[np.ndarray, "rows rows"]:

@@ -16,10 +16,13 @@ from dataclasses import dataclass
 from itertools import product
 from typing import no_type_check
 
+import cv2
 import numpy as np
 from jaxtyping import Float, Int
 from numba import njit
 
+from rsvideo import lanes
+from rsvideo.lanes import LANES, add_halves, alike, alike_halves, load, load_halves, store, store_half, swapped
 from rsvideo.threads import loop, spread
 
 PATCH = 8  # rows and columns of a patch; the transforms below are written out for it
@@ -30,8 +33,9 @@ REACH = 15  # px from a reference patch to the farthest candidate
 CLOSE = 4  # px, beyond which candidates lie on every other row and column only; origin: by trial
 THRESHOLD = 2.7  # standard deviations below which a coefficient is held to be noise
 
-_AREA = PATCH * PATCH  # a group is flat: group[patch * _AREA + row * PATCH + column]
+_AREA = PATCH * PATCH  # a group is flat, two patches side by side: group[(pair, row, patch, column)], a row of both in lanes
 _STRIP = 12  # rows of reference patches that share one strip
+_BLOCK = 24  # reference patches of such a row whose transforms are held at a time: they are to stay in the processor's caches
 _HALF = np.float32(np.sqrt(0.5))
 _C1, _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(0.5 * np.cos(k * np.pi / 16)) for k in range(1, 8))
 DCT = np.float32(0.5) * np.cos(np.pi * np.arange(8)[:, None] * (2 * np.arange(8)[None] + 1) / 16).astype(np.float32)
@@ -115,197 +119,213 @@ def _search(first, last, guide, ys, xs, offsets):
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
-def _columns(channel, top, dct, table):
-    """table[y, x] = the transform of the eight pixels to the right of (top + y, x)."""
-    for y in range(table.shape[0]):
-        for x in range(table.shape[1]):
-            t = table[y, x]
-            for j in range(PATCH):
-                t[j] = 0
-            for b in range(PATCH):
-                v = channel[top + y, x + b]
-                for j in range(PATCH):
-                    t[j] += dct[j, b] * v
+@njit(cache=True)
+def _columns(channel, top, across, table):
+    """Flat table[y, x, j]: the transform of the eight pixels to the right of (top + y, x), two x at a time; `across` is DCT, twice."""
+    places = channel.shape[1] - PATCH + 1
+    for y in range(table.size // (places * PATCH)):
+        for x in range(0, places, 2):
+            at, beside = x, min(x + 1, places - 1)
+            v = alike_halves(channel[top + y, at], channel[top + y, beside])
+            t = v * load(across, 0)
+            for b in range(1, PATCH):
+                t = t + alike_halves(channel[top + y, at + b], channel[top + y, beside + b]) * load(across, b * LANES)
+            row = y * places * PATCH
+            if beside > at:
+                store(table, row + at * PATCH, t)
+            else:
+                store_half(table, row + at * PATCH, t)
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
-def _gather(table, offsets, y, x, count, group):
-    for k in range(count):
-        v, u = y + offsets[k, 0], x + offsets[k, 1]
-        for a in range(PATCH):
-            row = table[v + a, u]
-            o = k * _AREA + a * PATCH
-            for j in range(PATCH):
-                group[o + j] = row[j]
+@njit(cache=True)
+def _gather(table, places, offsets, y, x, count, group):
+    """A group whose patches are transformed along their rows too, two of them side by side: group[pair, row, lanes], flat."""
+    line = places * PATCH
+    for k in range(0, count, 2):
+        m = min(k + 1, count - 1)
+        one = (y + offsets[k, 0]) * line + (x + offsets[k, 1]) * PATCH
+        two = (y + offsets[m, 0]) * line + (x + offsets[m, 1]) * PATCH
+        x0, x1 = load_halves(table, one, two), load_halves(table, one + line, two + line)
+        x2, x3 = load_halves(table, one + 2 * line, two + 2 * line), load_halves(table, one + 3 * line, two + 3 * line)
+        x4, x5 = load_halves(table, one + 4 * line, two + 4 * line), load_halves(table, one + 5 * line, two + 5 * line)
+        x6, x7 = load_halves(table, one + 6 * line, two + 6 * line), load_halves(table, one + 7 * line, two + 7 * line)
+        c1, c2, c3, c4, c5, c6, c7 = alike(_C1), alike(_C2), alike(_C3), alike(_C4), alike(_C5), alike(_C6), alike(_C7)
+        s0, s1, s2, s3 = x0 + x7, x1 + x6, x2 + x5, x3 + x4  # the even and the odd half of the cosine transform apart
+        d0, d1, d2, d3 = x0 - x7, x1 - x6, x2 - x5, x3 - x4
+        to = k * _AREA
+        store(group, to, c4 * (s0 + s1 + s2 + s3))
+        store(group, to + LANES, c1 * d0 + c3 * d1 + c5 * d2 + c7 * d3)
+        store(group, to + 2 * LANES, c2 * (s0 - s3) + c6 * (s1 - s2))
+        store(group, to + 3 * LANES, c3 * d0 - c7 * d1 - c1 * d2 - c5 * d3)
+        store(group, to + 4 * LANES, c4 * (s0 - s1 - s2 + s3))
+        store(group, to + 5 * LANES, c5 * d0 - c1 * d1 + c7 * d2 + c3 * d3)
+        store(group, to + 6 * LANES, c6 * (s0 - s3) - c2 * (s1 - s2))
+        store(group, to + 7 * LANES, c7 * d0 - c5 * d1 + c3 * d2 - c1 * d3)
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
+def _scatter(group, count, offsets, y, x, places, w, table):
+    """Adds w times the patches of a group, transformed back along their rows: the transpose of _gather, which is its inverse."""
+    line = places * PATCH
+    for k in range(0, count, 2):
+        m = min(k + 1, count - 1)
+        one = (y + offsets[k, 0]) * line + (x + offsets[k, 1]) * PATCH
+        two = (y + offsets[m, 0]) * line + (x + offsets[m, 1]) * PATCH
+        c1, c2, c3, c4 = alike(w * _C1), alike(w * _C2), alike(w * _C3), alike(w * _C4)
+        c5, c6, c7, to = alike(w * _C5), alike(w * _C6), alike(w * _C7), k * _AREA
+        y0, y1, y2, y3 = load(group, to), load(group, to + LANES), load(group, to + 2 * LANES), load(group, to + 3 * LANES)
+        y4, y5 = load(group, to + 4 * LANES), load(group, to + 5 * LANES)
+        y6, y7 = load(group, to + 6 * LANES), load(group, to + 7 * LANES)
+        e0, e1, e2, e3 = c4 * (y0 + y4), c4 * (y0 - y4), c2 * y2 + c6 * y6, c6 * y2 - c2 * y6
+        s0, s1, s2, s3 = e0 + e2, e1 + e3, e1 - e3, e0 - e2
+        d0 = c1 * y1 + c3 * y3 + c5 * y5 + c7 * y7
+        d1 = c3 * y1 - c7 * y3 - c1 * y5 - c5 * y7
+        d2 = c5 * y1 - c1 * y3 + c7 * y5 + c3 * y7
+        d3 = c7 * y1 - c5 * y3 + c3 * y5 - c1 * y7
+        add_halves(table, one, two, s0 + d0)
+        add_halves(table, one + line, two + line, s1 + d1)
+        add_halves(table, one + 2 * line, two + 2 * line, s2 + d2)
+        add_halves(table, one + 3 * line, two + 3 * line, s3 + d3)
+        add_halves(table, one + 4 * line, two + 4 * line, s3 - d3)
+        add_halves(table, one + 5 * line, two + 5 * line, s2 - d2)
+        add_halves(table, one + 6 * line, two + 6 * line, s1 - d1)
+        add_halves(table, one + 7 * line, two + 7 * line, s0 - d0)
+
+
+@no_type_check
+@njit(cache=True)
 def _haar(group, count):
     """The Haar transform along the group: sums of its halves in front, differences behind, then the front again."""
-    h = count // 2
-    while h >= 1:
-        for i in range(h * _AREA):
-            u, v = group[i], group[i + h * _AREA]
-            group[i] = _HALF * (u + v)
-            group[i + h * _AREA] = _HALF * (u - v)
+    half, h = alike(_HALF), count // 2
+    while h > 1:
+        for i in range(0, h * _AREA, LANES):
+            u, v = load(group, i), load(group, i + h * _AREA)
+            store(group, i, half * (u + v))
+            store(group, i + h * _AREA, half * (u - v))
         h //= 2
+    if count > 1:
+        _first_two(group)
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _haar_back(group, count):
     """The transpose of _haar, which is its inverse."""
-    h = 1
+    half, h = alike(_HALF), 2
+    if count > 1:
+        _first_two(group)
     while h < count:
-        for i in range(h * _AREA):
-            u, v = group[i], group[i + h * _AREA]
-            group[i] = _HALF * (u + v)
-            group[i + h * _AREA] = _HALF * (u - v)
+        for i in range(0, h * _AREA, LANES):
+            u, v = load(group, i), load(group, i + h * _AREA)
+            store(group, i, half * (u + v))
+            store(group, i + h * _AREA, half * (u - v))
         h *= 2
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
-def _rows(group, count):
-    """The cosine transform along the rows of all patches, its even and odd half apart."""
-    for k in range(count):
-        for i in range(k * _AREA, k * _AREA + PATCH):
-            x0, x1, x2, x3 = group[i], group[i + PATCH], group[i + 2 * PATCH], group[i + 3 * PATCH]
-            x4, x5, x6, x7 = group[i + 4 * PATCH], group[i + 5 * PATCH], group[i + 6 * PATCH], group[i + 7 * PATCH]
-            s0, s1, s2, s3 = x0 + x7, x1 + x6, x2 + x5, x3 + x4
-            d0, d1, d2, d3 = x0 - x7, x1 - x6, x2 - x5, x3 - x4
-            group[i] = _C4 * (s0 + s1 + s2 + s3)
-            group[i + PATCH] = _C1 * d0 + _C3 * d1 + _C5 * d2 + _C7 * d3
-            group[i + 2 * PATCH] = _C2 * (s0 - s3) + _C6 * (s1 - s2)
-            group[i + 3 * PATCH] = _C3 * d0 - _C7 * d1 - _C1 * d2 - _C5 * d3
-            group[i + 4 * PATCH] = _C4 * (s0 - s1 - s2 + s3)
-            group[i + 5 * PATCH] = _C5 * d0 - _C1 * d1 + _C7 * d2 + _C3 * d3
-            group[i + 6 * PATCH] = _C6 * (s0 - s3) - _C2 * (s1 - s2)
-            group[i + 7 * PATCH] = _C7 * d0 - _C5 * d1 + _C3 * d2 - _C1 * d3
+@njit(cache=True)
+def _first_two(group):
+    """The Haar transform of the first two patches, which lie side by side; it is its own inverse."""
+    half, sign = alike(_HALF), alike_halves(np.float32(1), np.float32(-1))
+    for i in range(0, 2 * _AREA, LANES):
+        both = load(group, i)
+        store(group, i, half * (swapped(both) + sign * both))
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
-def _rows_back(group, count):
-    """The transpose of _rows, which is its inverse."""
-    for k in range(count):
-        for i in range(k * _AREA, k * _AREA + PATCH):
-            y0, y1, y2, y3 = group[i], group[i + PATCH], group[i + 2 * PATCH], group[i + 3 * PATCH]
-            y4, y5, y6, y7 = group[i + 4 * PATCH], group[i + 5 * PATCH], group[i + 6 * PATCH], group[i + 7 * PATCH]
-            e0, e1 = _C4 * (y0 + y4), _C4 * (y0 - y4)
-            e2, e3 = _C2 * y2 + _C6 * y6, _C6 * y2 - _C2 * y6
-            s0, s1, s2, s3 = e0 + e2, e1 + e3, e1 - e3, e0 - e2
-            d0 = _C1 * y1 + _C3 * y3 + _C5 * y5 + _C7 * y7
-            d1 = _C3 * y1 - _C7 * y3 - _C1 * y5 - _C5 * y7
-            d2 = _C5 * y1 - _C1 * y3 + _C7 * y5 + _C3 * y7
-            d3 = _C7 * y1 - _C5 * y3 + _C3 * y5 - _C1 * y7
-            group[i] = s0 + d0
-            group[i + PATCH] = s1 + d1
-            group[i + 2 * PATCH] = s2 + d2
-            group[i + 3 * PATCH] = s3 + d3
-            group[i + 4 * PATCH] = s3 - d3
-            group[i + 5 * PATCH] = s2 - d2
-            group[i + 6 * PATCH] = s1 - d1
-            group[i + 7 * PATCH] = s0 - d0
-
-
-@no_type_check
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _threshold(group, count, least):
     """Small coefficients become zero, but for the mean of the group; answers how many are left."""
-    mean = group[0]
-    kept = np.float32(0)
-    for i in range(count * _AREA):
-        keep = np.float32(1) if abs(group[i]) > least else np.float32(0)
-        kept += keep
-        group[i] *= keep
+    mean, limit = group[0], alike(least)
+    kept = alike(np.float32(0))
+    for i in range(0, max(count, 2) * _AREA, LANES):
+        value = load(group, i)
+        keep = lanes.exceeds(value, limit)
+        kept = kept + keep
+        store(group, i, keep * value)
     group[0] = mean
-    return max(kept, np.float32(1))
+    return max(lanes.total(kept), np.float32(1))
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _wiener(group, pilot, count, variance):
     """Each coefficient times h = p^2 / (p^2 + variance), p the pilot's; answers the sum of h^2."""
-    energy = np.float32(0)
-    for i in range(count * _AREA):
-        power = pilot[i] * pilot[i]
-        h = power / (power + variance)
-        energy += h * h
-        group[i] *= h
-    return max(energy, np.float32(1))
+    energy, noise = alike(np.float32(0)), alike(variance)
+    for i in range(0, max(count, 2) * _AREA, LANES):
+        p = load(pilot, i)
+        h = p * p / (p * p + noise)
+        energy = energy + h * h
+        store(group, i, h * load(group, i))
+    return max(lanes.total(energy), np.float32(1))
 
 
 @no_type_check
-@njit(cache=True, fastmath=True)
-def _back(table, weight, dct, total, share):
-    """Adds the patches of a strip, still transformed along their columns, and their weights to `total` and `share`."""
-    lines, places, _ = table.shape
-    across = np.zeros((lines, places + PATCH - 1), np.float32)
+@njit(cache=True)
+def _back(table, places, weight, back, summed, share, left, width):
+    """Adds the patches of a strip, still transformed along their columns, and their weights, to flat sums; `back` is DCT, twice."""
+    lines, cols = weight.shape[0], places + PATCH - 1
+    across = np.zeros((lines, cols), np.float32)
     for y in range(lines):
-        for x in range(places):
-            for j in range(PATCH):
-                v = table[y, x, j]
-                for b in range(PATCH):
-                    total[y, x + b] += v * dct[j, b]
+        for x in range(0, places, 2):
+            at, beside = x, min(x + 1, places - 1)
+            one, two = (y * places + at) * PATCH, (y * places + beside) * PATCH
+            twice = np.float32(1 if beside > at else 0)
+            v = alike_halves(table[one], twice * table[two]) * load(back, 0)
+            for j in range(1, PATCH):
+                v = v + alike_halves(table[one + j], twice * table[two + j]) * load(back, j * LANES)
+            add_halves(summed, y * width + left + at, y * width + left + beside, v)
         for b in range(PATCH):
             for x in range(places):
                 across[y, x + b] += weight[y, x]
     for y in range(lines - PATCH + 1):
         for a in range(PATCH):
-            for x in range(places + PATCH - 1):
-                share[y + a, x] += across[y, x]
+            for x in range(cols):
+                share[(y + a) * width + left + x] += across[y, x]
 
 
 @no_type_check
 @loop()
-def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, ends, dct, total, share):
-    """Filters every group; total and share are (strips, channels, lines, cols), zero on entry."""
+def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, ends, across, back, summed, share):
+    """Filters every group; summed and share are (strips, channels, lines, cols), zero on entry."""
     channels, _, cols = image.shape
     count = offsets.shape[2]
+    g, p = np.empty(max(count, 2) * _AREA, np.float32), np.empty(max(count, 2) * _AREA, np.float32)
     for s in range(first, last):
         lines = ends[s] - tops[s]
-        table = np.empty((lines, cols - PATCH + 1, PATCH), np.float32)
-        guess = np.empty((lines if wiener else 0, cols - PATCH + 1, PATCH), np.float32)
-        done = np.empty((lines, cols - PATCH + 1, PATCH), np.float32)
-        weight = np.empty((lines, cols - PATCH + 1), np.float32)
-        g, p = np.empty(GROUP * _AREA, np.float32), np.empty(GROUP * _AREA, np.float32)
-        for c in range(channels):
-            _columns(image[c], tops[s], dct, table)
-            _columns(pilot[c], tops[s], dct, guess)
-            done[:] = 0
-            weight[:] = 0
+        blocks = -(-len(xs) // _BLOCK)
+        for k in range(channels * blocks):
+            c, begin = k // blocks, k % blocks * _BLOCK
+            end = min(begin + _BLOCK, len(xs))
+            left, right = max(xs[begin] - REACH, 0), min(xs[end - 1] + REACH + PATCH, cols)
+            places = right - left - PATCH + 1
+            table, done = np.empty(lines * places * PATCH, np.float32), np.zeros(lines * places * PATCH, np.float32)
+            guess = np.empty(lines * places * PATCH if wiener else 0, np.float32)
+            weight = np.zeros((lines, places), np.float32)
+            _columns(image[c, :, left:right], tops[s], across, table)
+            _columns(pilot[c, :, left:right], tops[s], across, guess)
             for iy in range(s * _STRIP, min(len(ys), (s + 1) * _STRIP)):
                 if c and not of_colour(iy, len(ys)):
                     continue
-                for ix in range(len(xs)):
+                for ix in range(begin, end):
                     if c and not of_colour(ix, len(xs)):
                         continue
-                    y, x, to = ys[iy] - tops[s], xs[ix], offsets[iy, ix]
-                    _gather(table, to, y, x, count, g)
-                    _rows(g, count)
+                    y, x, to = ys[iy] - tops[s], xs[ix] - left, offsets[iy, ix]
+                    _gather(table, places, to, y, x, count, g)
                     _haar(g, count)
                     if wiener:
-                        _gather(guess, to, y, x, count, p)
-                        _rows(p, count)
+                        _gather(guess, places, to, y, x, count, p)
                         _haar(p, count)
                         w = np.float32(1) / _wiener(g, p, count, sigma * sigma)
                     else:
                         w = np.float32(1) / _threshold(g, count, np.float32(THRESHOLD) * sigma)
                     _haar_back(g, count)
-                    _rows_back(g, count)
-                    for k in range(count):
-                        v, u = y + to[k, 0], x + to[k, 1]
-                        weight[v, u] += w
-                        for a in range(PATCH):
-                            row = done[v + a, u]
-                            o = k * _AREA + a * PATCH
-                            for j in range(PATCH):
-                                row[j] += w * g[o + j]
-            _back(done, weight, dct, total[s, c], share[s, c])
+                    _scatter(g, count, to, y, x, places, w if count > 1 else np.float32(0.5) * w, done)  # a lone patch is its own pair
+                    for m in range(count):
+                        weight[y + to[m, 0], x + to[m, 1]] += w
+            _back(done, places, weight, back, summed[s, c].reshape(-1), share[s, c].reshape(-1), left, cols)
 
 
 def places(length: int) -> Int[np.ndarray, " places"]:
@@ -324,8 +344,8 @@ def _planes(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray,
     rows, cols, channels = image.shape
     if rows < PATCH or cols < PATCH or channels not in (1, 3):
         raise ValueError(f"the image must be at least {PATCH} x {PATCH} px in 1 or 3 channels, got {rows} x {cols} px in {channels}")
-    mixed = image.astype(np.float32)
-    return np.ascontiguousarray(np.moveaxis(mixed @ OPPONENT.T if channels == 3 else mixed, 2, 0))
+    pixels = np.ascontiguousarray(image, np.float32)
+    return np.stack(cv2.split(cv2.transform(pixels, OPPONENT))) if channels == 3 else pixels.reshape(1, rows, cols)
 
 
 def match(guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
@@ -363,14 +383,15 @@ def denoise(
     first = np.arange(0, len(ys), _STRIP)
     last = np.minimum(first + _STRIP, len(ys)) - 1
     tops, ends = np.maximum(ys[first] - REACH, 0), np.minimum(ys[last] + REACH + PATCH, rows)
-    total = np.zeros((len(tops), channels, int((ends - tops).max()), cols), np.float32)
-    share = np.zeros_like(total)
+    summed = np.zeros((len(tops), channels, int((ends - tops).max()), cols), np.float32)
+    share = np.zeros_like(summed)
     guess = planes if pilot is None else _planes(pilot)
     how = (np.float32(sigma), pilot is not None)
-    spread(_filter, len(tops), planes, guess, matches.offsets, ys, xs, *how, tops, ends, DCT, total, share)
+    across, back = (np.ascontiguousarray(np.concatenate([half, half], axis=1), np.float32).ravel() for half in (DCT.T, DCT))
+    spread(_filter, len(tops), planes, guess, matches.offsets, ys, xs, *how, tops, ends, across, back, summed, share)
     top_sum, weight_sum = np.zeros_like(planes), np.zeros_like(planes)
     for s, (top, end) in enumerate(zip(tops, ends, strict=True)):
-        top_sum[:, top:end] += total[s, :, : end - top]
+        top_sum[:, top:end] += summed[s, :, : end - top]
         weight_sum[:, top:end] += share[s, :, : end - top]
-    clean = np.moveaxis(top_sum / weight_sum, 0, 2)
-    return np.ascontiguousarray(clean @ OPPONENT if channels == 3 else clean)
+    top_sum /= weight_sum
+    return cv2.transform(cv2.merge([*top_sum]), OPPONENT.T) if channels == 3 else top_sum.reshape(image.shape)

@@ -12,24 +12,24 @@ class Differences:
 
     periodic_cols: bool = False  # whether the last column's neighbour is the first
 
-    def forward(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "2 rows cols"]:
-        """D l."""
+    def forward(self, image: Float[np.ndarray, "*images rows cols"]) -> Float[np.ndarray, "2 *images rows cols"]:
+        """D l, of any number of images."""
         out = np.zeros((2, *image.shape), image.dtype)
-        np.subtract(image[:, 1:], image[:, :-1], out=out[0, :, :-1])
+        np.subtract(image[..., 1:], image[..., :-1], out=out[0, ..., :-1])
         if self.periodic_cols:
-            np.subtract(image[:, 0], image[:, -1], out=out[0, :, -1])
-        np.subtract(image[1:], image[:-1], out=out[1, :-1])
+            np.subtract(image[..., 0], image[..., -1], out=out[0, ..., -1])
+        np.subtract(image[..., 1:, :], image[..., :-1, :], out=out[1, ..., :-1, :])
         return out
 
-    def adjoint(self, gradient: Float[np.ndarray, "2 rows cols"]) -> Float[np.ndarray, "rows cols"]:
+    def adjoint(self, gradient: Float[np.ndarray, "2 *images rows cols"]) -> Float[np.ndarray, "*images rows cols"]:
         """D^T j."""
         x, y = gradient
         out = np.zeros(x.shape, x.dtype)
-        out[:, :-1] -= x[:, :-1]
-        out[:, 1:] += x[:, :-1]
+        out[..., :-1] -= x[..., :-1]
+        out[..., 1:] += x[..., :-1]
         if self.periodic_cols:
-            out[:, -1] -= x[:, -1]
-            out[:, 0] += x[:, -1]
-        out[:-1] -= y[:-1]
-        out[1:] += y[:-1]
+            out[..., -1] -= x[..., -1]
+            out[..., 0] += x[..., -1]
+        out[..., :-1, :] -= y[..., :-1, :]
+        out[..., 1:, :] += y[..., :-1, :]
         return out

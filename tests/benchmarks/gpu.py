@@ -111,7 +111,7 @@ def stages(frame: DeviceFrame) -> Iterator[Stage]:
     yield Stage("Fourier transform", lambda: op.spectrum(latent), latent.nbytes + wide.nbytes)
     yield Stage(
         "factor, steps of ADMM",
-        lambda: system.total_variation(7e-4, nonblind.TV_RHO, nonblind.TV_FLOOR, ADMM_STEPS),
+        lambda: system.total_variation(7e-4, frame.weights, ADMM_STEPS),
         _admm(system, wide, seen),
     )
     yield Stage("matching", lambda: frame.match(picture), picture.nbytes)

@@ -26,6 +26,7 @@ import numpy as np
 import published
 from speed import scene
 
+from rsvideo.allocation import keep_freed_memory
 from rsvideo.config.request import Request, Sections
 from rsvideo.physics import row_fourier, staging
 from rsvideo.physics.camera import Intrinsics
@@ -242,6 +243,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=8, help="of a clip; 0 restores photographs only")
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
+    keep_freed_memory()
     speed, bandwidth = peak()
     stages, kernels = [], []
     with tempfile.TemporaryDirectory() as folder:

@@ -160,8 +160,8 @@ def by_sparse_matrix(
     N = NormalMatrix(blur=A, gradient=D, rho=rho)
     seen = A.adjoint(b)
 
-    def update(data: np.ndarray, g: np.ndarray, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return solve(conjugate_gradient(N, seen + rho * D.adjoint(g), latent), steps=inner, tolerance=1e-6).state.x, data
+    def update(data: np.ndarray, h: np.ndarray, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return solve(conjugate_gradient(N, seen + rho * h, latent), steps=inner, tolerance=1e-6).state.x, data
 
     start = np.pad(b, [(m, m) for m in K.margin], mode="edge")
     seconds, steps, value = time.perf_counter() - begin, -1, math.inf

@@ -158,7 +158,7 @@ def test_what_no_scanline_saw_and_what_clipped_is_completed_from_the_model():
 
 def in_tiles(cut, systems) -> TiledFrame:
     blank = np.zeros((ROWS, COLS, 1), np.float32)
-    return TiledFrame(pixels=blank, valid=blank, cut=cut, grids=[channels[0].op for channels in systems], systems=systems)
+    return TiledFrame(pixels=blank, valid=blank, cut=cut, grids=[system.op for system in systems], systems=systems)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -167,12 +167,12 @@ def test_tiles_of_one_image_blend_into_it(count):
     cut = tiles.split(COLS, count, OVERLAP)
     systems, latents = [], []
     for tile in cut:
-        part = whole[:, tile.first : tile.last]
+        part = whole[None, :, tile.first : tile.last]
         system: TileSystem = tile_system(np.zeros((ROWS, 1, 2)), part, np.ones_like(part))
-        latent = np.full((system.op.latent_rows, system.op.period), 9.0, np.float32)
+        latent = np.full((1, system.op.latent_rows, system.op.period), 9.0, np.float32)
         system.crop(latent)[:] = part
-        systems.append([system])
-        latents.append([latent])
+        systems.append(system)
+        latents.append(latent)
     np.testing.assert_allclose(in_tiles(cut, systems).blended(latents)[..., 0], whole, atol=1e-6)
 
 
@@ -181,9 +181,9 @@ def test_no_seam_shows_between_tiles():
     cut = tiles.split(COLS, 2, OVERLAP)
     systems = []
     for tile in cut:
-        part = np.zeros((ROWS, tile.last - tile.first), np.float32)
-        systems.append([tile_system(np.zeros((ROWS, 1, 2)), part, np.ones_like(part))])
-    ones = [[np.full((ss[0].op.latent_rows, ss[0].op.period), float(i), np.float32)] for i, ss in enumerate(systems)]
+        part = np.zeros((1, ROWS, tile.last - tile.first), np.float32)
+        systems.append(tile_system(np.zeros((ROWS, 1, 2)), part, np.ones_like(part)))
+    ones = [np.full((1, s.op.latent_rows, s.op.period), float(i), np.float32) for i, s in enumerate(systems)]
     ramp = in_tiles(cut, systems).blended(ones)[0, :, 0]
     assert ramp[0] == 0
     assert ramp[-1] == 1
@@ -200,7 +200,7 @@ def test_what_no_latent_image_explains_is_counted_where_it_was_observed() -> Non
     clipped[40:50] = True
     noisy[40:50] = 1.0
     cut = tiled(noisy, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
-    flat = [[np.full((s.op.latent_rows, s.op.period), 0.5, np.float32) for s in each] for each in cut.systems]
+    flat = [np.full((1, s.op.latent_rows, s.op.period), 0.5, np.float32) for s in cut.systems]
     assert cut.unexplained(flat) == pytest.approx(0.03**2, rel=0.05)
 
 

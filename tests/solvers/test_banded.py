@@ -7,9 +7,11 @@ import sys
 import numpy as np
 import pytest
 
-from rsvideo.solvers.banded import LANES, BandedHermitian, blocks
+from rsvideo.lanes import LANES
+from rsvideo.solvers.banded import BandedHermitian, blocks
 
 ROWS, WIDTH, FREQUENCIES = 14, 4, LANES + 5
+NOTHING = np.zeros(FREQUENCIES, np.float32)
 
 
 def systems(seed=0) -> BandedHermitian:
@@ -40,7 +42,7 @@ def test_solve_agrees_with_the_dense_solution(f):
     rng = np.random.default_rng(1)
     rhs = (rng.normal(size=(ROWS, FREQUENCIES)) + 1j * rng.normal(size=(ROWS, FREQUENCIES))).astype(np.complex64)
     before = rhs.copy()
-    x = N.factor().solve(rhs)
+    x = N.factor(NOTHING).solve(rhs)
     np.testing.assert_allclose(x[:, f], np.linalg.solve(N.dense(f), rhs[:, f]), atol=1e-6)
     np.testing.assert_array_equal(rhs, before)
 
@@ -48,29 +50,36 @@ def test_solve_agrees_with_the_dense_solution(f):
 def test_one_factor_serves_many_right_hand_sides_and_the_matrix_stays():
     N = systems()
     re = N.re.copy()
-    factor = N.factor()
+    factor = N.factor(NOTHING)
     rhs = np.random.default_rng(2).normal(size=(ROWS, FREQUENCIES)).astype(np.complex64)
     np.testing.assert_array_equal(factor.solve(rhs), factor.solve(rhs))
     np.testing.assert_array_equal(N.re, re)
 
 
+def test_several_right_hand_sides_are_solved_at_once():
+    N = systems()
+    rhs = np.random.default_rng(4).normal(size=(3, ROWS, FREQUENCIES)).astype(np.complex64)
+    factor = N.factor(NOTHING)
+    np.testing.assert_array_equal(factor.solve(rhs), np.stack([factor.solve(side) for side in rhs]))
+
+
 @pytest.mark.parametrize("neighbour", [0.0, 0.7])
-def test_plus_adds_the_diagonal_and_differences_of_rows_that_are_free_at_both_ends(neighbour):
+def test_a_factor_takes_in_a_diagonal_and_differences_of_rows_that_are_free_at_both_ends(neighbour):
     N = systems()
     re = N.re.copy()
     diagonal = np.random.default_rng(3).random(FREQUENCIES).astype(np.float32)
     D = np.diff(np.eye(ROWS), axis=0)
-    total = N.plus(1.5, diagonal, neighbour)
+    factor = N.factor(diagonal, neighbour, scale=1.5)
     for f in (0, LANES - 1, LANES + 1):
+        R = np.triu(BandedHermitian(re=factor.re, im=factor.im, frequencies=FREQUENCIES).dense(f))
         expected = 1.5 * N.dense(f) + diagonal[f] * np.eye(ROWS) + neighbour * D.T @ D
-        np.testing.assert_allclose(total.dense(f), expected, atol=1e-5)
+        np.testing.assert_allclose(R.conj().T @ R, expected, atol=1e-5)
     np.testing.assert_array_equal(N.re, re)
 
 
 def test_lanes_beyond_the_batch_can_be_factored():
     nothing = np.zeros((blocks(FREQUENCIES), ROWS, WIDTH, LANES), np.float32)
-    total = BandedHermitian(re=nothing, im=nothing, frequencies=FREQUENCIES).plus(1, np.full(FREQUENCIES, 2, np.float32), 0)
-    factor = total.factor()
+    factor = BandedHermitian(re=nothing, im=nothing, frequencies=FREQUENCIES).factor(np.full(FREQUENCIES, 2, np.float32))
     assert np.isfinite(factor.re).all()
     np.testing.assert_allclose(factor.solve(np.ones((ROWS, FREQUENCIES), np.complex64)), 0.5, rtol=1e-6)
 
@@ -82,7 +91,7 @@ rng = np.random.default_rng(0)
 band = 0.1 * rng.standard_normal((2, blocks(40), 60, 9, 16), dtype=np.float32)
 band[0, :, :, 0] += 6
 band[1, :, :, 0] = 0
-solved = BandedHermitian(re=band[0], im=band[1], frequencies=40).factor().solve(rng.standard_normal((60, 40)))
+solved = BandedHermitian(re=band[0], im=band[1], frequencies=40).factor(np.zeros(40, np.float32)).solve(rng.standard_normal((60, 40)))
 print(hashlib.sha256(solved.tobytes()).hexdigest())
 """
 

@@ -95,8 +95,8 @@ def restored(b, blur, *, mu, steps, valid=None, rho=0.5):
     gradient = as_matrix(D.forward, shape)
     inverse = np.linalg.inv(matrix.T @ matrix + rho * gradient.T @ gradient)
 
-    def update(data, g, _):
-        latent = (inverse @ (matrix.T @ data.ravel() + rho * gradient.T @ g.ravel())).reshape(shape)
+    def update(data, h, _):
+        latent = (inverse @ (matrix.T @ data.ravel() + rho * h.ravel())).reshape(shape)
         return latent, data if valid is None else np.where(valid, b, blur.forward(latent))
 
     states = total_variation(b, mu=mu, rho=rho, gradient=D, update=update, start=np.zeros(shape))

@@ -6,6 +6,7 @@ import pytest
 from rsvideo.gpu import arrays, banded
 from rsvideo.gpu.arrays import to_host, xp
 from rsvideo.gpu.banded import BandedHermitian
+from rsvideo.lanes import LANES
 from tests.gpu import block_tridiagonal
 
 LARGE = not arrays.SIMULATED
@@ -66,11 +67,11 @@ def test_the_factor_is_that_of_the_processor() -> None:
 
     rows, width = SHAPES[0]
     band = systems(rows, width)
-    padded = np.zeros((twin.blocks(len(band)) * twin.LANES, rows, width), np.complex64)
+    padded = np.zeros((twin.blocks(len(band)) * LANES, rows, width), np.complex64)
     padded[: len(band)] = band
     padded[len(band) :, :, 0] = 1
-    lanes = padded.reshape(-1, twin.LANES, rows, width).transpose(0, 2, 3, 1)
-    there = twin.BandedHermitian(re=lanes.real.copy(), im=lanes.imag.copy(), frequencies=len(band)).factor()
+    lanes = padded.reshape(-1, LANES, rows, width).transpose(0, 2, 3, 1)
+    there = twin.BandedHermitian(re=lanes.real.copy(), im=lanes.imag.copy(), frequencies=len(band)).factor(np.zeros(len(band), np.float32))
     expected = (there.re + 1j * there.im).transpose(0, 3, 1, 2).reshape(padded.shape)[: len(band)]
     nothing = xp.zeros(FREQUENCIES, xp.float32)
     found = to_host(BandedHermitian(band=xp.asarray(band)).factor(nothing, 0.0).factor).reshape(band.shape)

@@ -1,0 +1,20 @@
+"""Memory that is freed is kept for the next array, not given back to the system.
+
+A frame's work makes and frees the same few hundred arrays of some MB again and again. The allocator of glibc gives such arrays back at
+once, and the system then finds and clears new pages for each, which takes longer than most of what is computed in them.
+"""
+
+import ctypes
+import sys
+
+_TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8  # the names of glibc's mallopt
+_NEVER = 2**31 - 1  # bytes
+
+
+def keep_freed_memory() -> None:
+    """Of this process, from now on; to be called before its first thread is started. Nothing happens under an allocator without mallopt."""
+    if sys.platform != "linux" or (choose := getattr(ctypes.CDLL(None), "mallopt", None)) is None:
+        return
+    choose(_TRIM_THRESHOLD, _NEVER)
+    choose(_MMAP_MAX, 0)  # large arrays come from the same memory as small ones
+    choose(_ARENA_MAX, 1)  # and those of all threads from one
