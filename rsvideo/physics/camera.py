@@ -149,7 +149,7 @@ def turned(
         return poses + 0.0 * (x + y)[..., None]
     lens = intrinsics.distortion
     shown = (x - intrinsics.cx) / intrinsics.fx, (y - intrinsics.cy) / intrinsics.fy
-    u, v = np.moveaxis(lens.undistorted(*shown), -1, 0) if lens else shown
+    u, v = np.moveaxis(lens.undistorted(*np.broadcast_arrays(*shown)), -1, 0) if lens else shown
     a, b, c = -poses[..., 1] / intrinsics.fy, poses[..., 0] / intrinsics.fx, poses[..., 2]
     angle2 = a * a + b * b + c * c
     angle = np.sqrt(angle2)

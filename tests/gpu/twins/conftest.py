@@ -3,7 +3,9 @@
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from rsvideo.gpu import device
@@ -37,3 +39,22 @@ def _switching() -> Iterator[None]:
     sys.setswitchinterval(1e-5)
     yield
     sys.setswitchinterval(before)
+
+
+@pytest.fixture(autouse=True)
+def _sharing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The simulator's threads share an array even where several ask for it at once; its own look-up hands out an array to each of them."""
+    if not device.simulated():
+        return
+    from numba.cuda.simulator.kernelapi import FakeCUDAShared
+    from numba.np.numpy_support import as_dtype
+
+    dynamic = FakeCUDAShared.array  # of several sizes in one memory: the launch gives its size
+
+    def array(self: Any, size: int, dtype: Any) -> np.ndarray:
+        if size == 0:
+            return dynamic(self, size, dtype)
+        asking = sys._getframe(1)
+        return self._allocations.setdefault((asking.f_code.co_filename, asking.f_lineno), np.empty(size, as_dtype(dtype)))
+
+    monkeypatch.setattr(FakeCUDAShared, "array", array)
