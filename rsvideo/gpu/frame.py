@@ -152,6 +152,10 @@ class DeviceFrame:
         """The frame b, and 1 where it is data, both in the host's memory."""
         return self._pixels, self._valid
 
+    def from_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Array:
+        """A picture on the device."""
+        return xp.asarray(np.ascontiguousarray(image, np.float32))
+
     def to_host(self, image: Array) -> Float[np.ndarray, "rows cols channels"]:
         """A picture in the host's memory."""
         return np.ascontiguousarray(np.moveaxis(arrays.to_host(image), 0, 2))

@@ -55,6 +55,10 @@ class BlurredFrame(Protocol):
         """A picture without noise of standard deviation `sigma`."""
         ...
 
+    def from_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Any:
+        """A picture on the device."""
+        ...
+
     def to_host(self, image: Any) -> Float[np.ndarray, "rows cols channels"]:
         """A picture in the host's memory."""
         ...

@@ -22,14 +22,15 @@ SCALE = 1.25  # a: the dip is about as wide as this ratio
 _TERMS = ((1.0, -1.0), (1 / SCALE, 0.5), (SCALE, 0.5))  # factors of the path, and weights of f along it
 
 
-def focus(scene: Scene, path: Trajectory) -> tuple[float, Float[np.ndarray, "terms axes"]]:
-    """s(theta) and its derivative in the path's coefficients. The path is 0 at rest: `path` has no constant part."""
+def focus(scene: Scene, path: Trajectory, sparse: float = 0.0) -> tuple[float, Float[np.ndarray, "terms axes"]]:
+    """s(theta) - `sparse` f(theta) and its derivative in the path's coefficients. The path is 0 at rest: `path` has no constant part."""
 
     def term(factor: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
         return sparsity.objective(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
 
     value, gradient = 0.0, np.zeros_like(path.coefficients)
-    for (factor, weight), (f, slope) in zip(_TERMS, threads.each(term, [factor for factor, _ in _TERMS]), strict=True):
+    terms = ((1.0, -1.0 - sparse), *_TERMS[1:])
+    for (factor, weight), (f, slope) in zip(terms, threads.each(term, [factor for factor, _ in _TERMS]), strict=True):
         value += weight * f
         gradient += weight * factor * slope
     return value, gradient

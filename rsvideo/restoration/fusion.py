@@ -63,11 +63,13 @@ class Fused:
     explained: Float[np.ndarray, "rows cols"]  # 0 to 1; 1 also where no neighbour shows the place
 
 
+def helpful(first: PosedImage, others: Sequence[PosedImage]) -> list[PosedImage]:
+    """The neighbours that count beside a frame's own latent image, the sharpest."""
+    return sorted((o for o in others if o.weight > FAINTEST * first.weight), key=lambda o: -o.weight)[:MOST]
+
+
 def fused(frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], intrinsics: Intrinsics, noise: float) -> Fused:
     """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'."""
-    sharpest = sorted((o for o in others if o.weight > FAINTEST * first.weight), key=lambda o: -o.weight)[:MOST]
-    if not sharpest:
-        return Fused(latent=first.latent, explained=np.ones(first.latent.shape[:2], np.float32))
     pixels, valid = frame.observed()
     observed, unclipped = _grey(pixels), valid.min(axis=2)
 
@@ -78,7 +80,7 @@ def fused(frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], 
     total, weights = first.weight * first.latent, np.full(first.latent.shape[:2], first.weight, np.float32)
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
     soft = _soft(first.latent)
-    for other, (image, there) in zip(sharpest, threads.each(lambda other: _at_pose(first, soft, other, intrinsics), sharpest), strict=True):
+    for other, (image, there) in zip(others, threads.each(lambda other: _at_pose(first, soft, other, intrinsics), others), strict=True):
         agreement = np.asarray(there * np.exp(-misfit(image) / limit), np.float32)
         explained, shown = np.maximum(explained, agreement), shown | there
         weight = np.float32(other.weight) * agreement

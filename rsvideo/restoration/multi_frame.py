@@ -11,10 +11,10 @@ from rsvideo.frame import Frame, FrameResult, Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import search, single_frame
+from rsvideo.restoration import nonblind, search, single_frame
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.extent import beyond, longest
-from rsvideo.restoration.fusion import PosedImage, fused
+from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import rectified
@@ -44,6 +44,7 @@ class _Waiting:
     share: Float[np.ndarray, "rows cols 1"] | float | np.float32 = 1.0  # of the restoration in what is shown
     given: bool = False  # a motion that was not estimated, which is followed whatever the neighbours show
     noise: float = 0.0  # of the frame, as its blur's model leaves it
+    draft: bool = False  # whether the image is one
 
     def mixed(self, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
         """The restoration as far as it is trusted."""
@@ -86,7 +87,7 @@ def restored(
         if path is None:
             waiting[k] = _Waiting(restored=single_frame.restored(view, settings, estimate=estimate))
         else:
-            waiting[k] = _alone(view, path, evidence, poses[k], settings)
+            waiting[k] = _alone(view, path, evidence, poses[k], settings, draft=reach > 0)
         observe(Progress(stage="restoring", fraction=ALONE, frame=frame.index))
         count = k + 1
         if k >= reach:
@@ -130,8 +131,8 @@ def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: S
     return _Judged(verdict=Verdict.RESTORED, moved=moved, length=length, share=share)
 
 
-def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.ndarray, settings: Settings) -> _Waiting:
-    """The frame restored by itself, along its path."""
+def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.ndarray, settings: Settings, *, draft: bool) -> _Waiting:
+    """The frame restored by itself, along its path; as a `draft` where its neighbours are to help."""
     started = time.monotonic()
     judged = _judged(view, path, evidence, settings)
     verdict, length, moved = judged.verdict, judged.length, np.float32(judged.moved)
@@ -148,8 +149,12 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
     noise = single_frame.model_noise(view, evidence.error if evidence else 0.0)
-    alone = single_frame.restored(view, settings, path=path, noise=noise, flow=flow)
-    waiting = _Waiting(restored=alone, flow=flow, straight=straight, share=moved * judged.share, given=evidence is None, noise=noise)
+    draft = draft and settings.splittings > 0 and not too_long(view, length)
+    how = replace(settings, quality="draft") if draft else settings
+    alone = single_frame.restored(view, how, path=path, noise=noise, flow=flow)
+    waiting = _Waiting(
+        restored=alone, flow=flow, straight=straight, share=moved * judged.share, given=evidence is None, noise=noise, draft=draft
+    )
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)
 
@@ -160,7 +165,16 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
     if image is None or alone.verdict is not Verdict.RESTORED or too_long(alone.view, image.length):
         return alone
     started, view = time.monotonic(), alone.view
-    both = fused(tiled_frame(view, alone.trajectory, settings, waiting.flow), image, others, view.camera.intrinsics, waiting.noise)
-    if not waiting.given:
-        waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None])
-    return replace(alone, latent=waiting.mixed(both.latent), seconds=alone.seconds + time.monotonic() - started)
+    others = helpful(image, others)
+    if others:
+        frame = tiled_frame(view, alone.trajectory, settings, waiting.flow)
+        both = fused(frame, image, others, view.camera.intrinsics, waiting.noise)
+        latent = nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent
+        if not waiting.given:
+            waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None])
+    elif waiting.draft:
+        full = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=waiting.flow)
+        latent = waiting.mixed(full.latent)
+    else:
+        latent = image.latent
+    return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)

@@ -40,6 +40,7 @@ LIFT = 0.01  # the denoiser works on sqrt(l + LIFT): codes weigh shadows as eyes
 COARSEST = 0.03  # the splitting's first denoising strength, linear light; five steps from 0.03 to 0.006 were good with BM3D
 COARSEST_NOISE = 3.0  # times the noise, which the first strength is at least; origin: by trial
 FINEST_NOISE = 1.25  # times the noise: the last strength; origin: by trial
+FINISH = 1.0  # times the noise, for a picture that neighbours have helped to
 UNEXPLAINED = 10.0  # weight of the residual's power beyond the noise's; chosen, as the next, on half of a corpus of photographs
 EXPLAINED = 1.5  # times the noise's power, which total variation leaves where the model holds: 0.6 to 1.5
 RIM = 16  # rows and columns along a tile's sides, a quarter at most, where the residual is not measured; origin: by trial
@@ -208,6 +209,10 @@ class TiledFrame:
         """A picture without noise of standard deviation `sigma`."""
         return denoise(image, sigma, pilot=pilot, matches=matches)
 
+    def from_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
+        """The same: it lies there."""
+        return image
+
     def to_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
         """The same: it lies there."""
         return image
@@ -300,15 +305,31 @@ def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[An
     noise = math.sqrt(noise**2 + UNEXPLAINED * max(frame.unexplained(latents) - EXPLAINED * noise**2, 0))
     pilot = matches = None
     for sigma in np.geomspace(max(COARSEST, COARSEST_NOISE * noise), FINEST_NOISE * noise, settings.splittings):
-        root = np.sqrt(np.maximum(image, 0) + LIFT)
-        strength = float(sigma / (2 * np.median(root)))
+        root, strength = _lifted(image, float(sigma))
         matches = matches or frame.match(root)  # once: which patches look alike hardly changes
         pilot = frame.denoise(root, strength, matches=matches) if pilot is None else pilot
         pilot = frame.denoise(root, strength, pilot=pilot, matches=matches)
-        smooth = (pilot * pilot - LIFT).astype(np.float32)
+        smooth = _lowered(pilot)
         latents = frame.nearest(latents, smooth, float(noise**2 / sigma**2))
         image = frame.blended(latents)
         yield 0.5 * (image + smooth)
+
+
+def finished(frame: BlurredFrame, latent: Float[np.ndarray, "rows cols channels"], noise: float) -> Float[np.ndarray, "rows cols channels"]:
+    """The last splitting step alone, of a latent image that is known well already: it is its own pilot. `noise` is as in `deblur`."""
+    root, strength = _lifted(frame.from_host(latent), FINISH * noise)
+    smooth = frame.to_host(_lowered(frame.denoise(root, strength, pilot=root)))
+    return 0.5 * (frame.towards(smooth, 1 / FINISH**2) + smooth)
+
+
+def _lifted(image: Any, sigma: float) -> tuple[Any, float]:
+    """A picture as the denoiser works on it, and how strong noise of `sigma` is there."""
+    root = np.sqrt(np.maximum(image, 0) + LIFT)
+    return root, float(sigma / (2 * np.median(root)))
+
+
+def _lowered(root: Any) -> Any:
+    return (root * root - LIFT).astype(np.float32)
 
 
 def _towards(

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import cv2
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.noise_level import noise_level
+from rsvideo.physics.tiles import Tile, split
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
@@ -47,6 +49,7 @@ class Scene:
     tiles: int  # for three axes
     noise: float  # standard deviation
     flow: Flow | None = None  # of points beyond the camera's path, in px of this frame
+    chosen: tuple[int, ...] | None = None  # which of the tiles count; None: all
     scale: float = 1.0  # of the frame; paths stay in px of the frame before it was made smaller
     device: Literal["cpu", "cuda"] = "cpu"  # what computes latent images of it
 
@@ -58,10 +61,19 @@ class Scene:
         """The path in px of this frame."""
         return trajectory.with_coefficients(trajectory.coefficients * self.unit(trajectory.coefficients.shape[1]))
 
-    @property
+    def cut(self, count: int | None = None) -> list[Tile]:
+        """The tiles that count; `count` is how many the whole frame is cut into where no choice among them was made."""
+        if self.chosen is None:
+            return split(self.frame.shape[1], count or self.tiles, 0)
+        every = split(self.frame.shape[1], self.tiles, 0)
+        return [every[k] for k in self.chosen]
+
+    @cached_property
     def gradient_power(self) -> float:
-        """Mean square of the frame's gradients."""
-        return gradient_power(self.frame)
+        """Mean square of the gradients of the tiles that count."""
+        if self.chosen is None:
+            return gradient_power(self.frame)
+        return float(np.mean([gradient_power(self.frame[:, tile.first : tile.last]) for tile in self.cut()]))
 
     @property
     def least_texture(self) -> float:
@@ -101,10 +113,15 @@ def scene_of(view: View, settings: Settings, flow: Flow | None = None) -> Scene:
         camera=view.camera,
         samples=min(settings.samples, SAMPLES),
         flow=flow,
-        tiles=int(np.clip(round(grey.shape[1] / TILE_COLS), FEWEST_TILES, MOST_TILES)) if grey.shape[1] >= TILED_COLS else 1,
+        tiles=min(_tile_count(grey.shape[1]), MOST_TILES),
         noise=noise_level(normalised) if view.camera.noise is None else view.noise / view.colour_noise / white,
         device=settings.device,
     )
+
+
+def _tile_count(cols: int) -> int:
+    """How many tiles so many columns are cut into."""
+    return max(round(cols / TILE_COLS), FEWEST_TILES) if cols >= TILED_COLS else 1
 
 
 def windowed(scene: Scene, cols: int | None = None) -> Scene:
@@ -126,8 +143,19 @@ def windowed(scene: Scene, cols: int | None = None) -> Scene:
     )
 
 
+def spread(scene: Scene, cols: int) -> Scene:
+    """The scene, of whose tiles some count, `cols` columns of them together: from equal parts of the frame, side by side, those with
+    most texture. Tiles far from one another tell a roll from a shift."""
+    wide = scene.frame.shape[1]
+    count = _tile_count(wide)
+    wanted = min(max(FEWEST_TILES, round(cols / wide * count)), count)
+    texture = [np.abs(np.diff(scene.frame[:, tile.first : tile.last], axis=1)).sum() for tile in split(wide, count, 0)]
+    parts = np.array_split(np.arange(count), wanted)
+    return replace(scene, tiles=count, chosen=tuple(int(max(part, key=texture.__getitem__)) for part in parts))
+
+
 def halved(scene: Scene) -> Scene:
-    """The same at half the resolution."""
+    """The same at half the resolution, all its columns."""
     rows, cols = (n // 2 for n in scene.frame.shape)
     frame, valid = (cv2.resize(a[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA) for a in (scene.frame, scene.valid))
     return Scene(

@@ -15,10 +15,12 @@ from rsvideo.restoration.evidence import compared, evidence
 from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.focus import focus_value
 from rsvideo.restoration.refinement import focused, refine
-from rsvideo.restoration.scene import COARSE_REACH, LONG_REACH, TRIAL_COLS, Scene, halved, shrunk, windowed
+from rsvideo.restoration.scene import COARSE_REACH, LONG_REACH, TRIAL_COLS, WINDOW_COLS, Scene, halved, shrunk, spread
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
 
+LARGEST_TRIED = 960  # px, the longer side up to which paths are tried on a scene as it is; a larger one is halved,
+SHOWN = 5.0  # px, that the longest blur keeps in it
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, and spectra may mislead; about the true path only is a dip
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
@@ -31,9 +33,9 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
     if settings.start != "spectra":
         yield from kernel_search.estimate(scene, settings)
         return
-    part, rest = windowed(scene), still(scene.camera.timing.interval, degree=settings.degree, axes=settings.axes)
+    rest = still(scene.camera.timing.interval, degree=settings.degree, axes=settings.axes)
     yield Estimate(stage="spectra", fraction=BEGUN, trajectory=rest)
-    found = spectral_paths(part, settings)
+    found = spectral_paths(scene, settings)
     if found is None:
         yield from kernel_search.estimate(scene, settings)
         return
@@ -60,24 +62,30 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Resolutions:
-    """A scene as paths of one length are tried on it: halved until their blur is not too long."""
+    """A scene as paths of one length are tried on it: halved until neither it nor their blur is too large."""
 
     part: Scene
     trial: Scene  # fewer columns
-    coarse: Scene  # the same at half the resolution, where a long blur still shows
+    coarse: Scene  # half the resolution, where a long blur still shows
+    fine: Scene  # twice the resolution, where a large scene was halved
 
     @classmethod
     def of(cls, scene: Scene, length: float) -> "_Resolutions":
         scene = shrunk(scene, length, LONG_REACH)
-        trial = windowed(scene, TRIAL_COLS)
-        return cls(part=windowed(scene), trial=trial, coarse=halved(trial) if length * scene.scale > COARSE_REACH else trial)
+        finer = scene
+        while max(scene.frame.shape) > LARGEST_TRIED and length * scene.scale >= 2 * SHOWN:
+            finer, scene = scene, halved(scene)
+        coarse = spread(halved(scene), TRIAL_COLS // 2) if length * scene.scale > COARSE_REACH else None
+        trial = spread(scene, TRIAL_COLS)
+        fine = trial if finer is scene else spread(finer, TRIAL_COLS)
+        return cls(part=spread(scene, WINDOW_COLS), trial=trial, coarse=coarse or trial, fine=fine)
 
 
 def _focused(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> Estimate:
     """The last steps, by the path's focus, and what speaks for where they lead."""
     part, values = at.part, tuple[float, ...]()
-    scenes = ((at.trial, LAST_STEPS),) if at.coarse is at.trial else ((at.coarse, LAST_STEPS), (at.trial, FINER_STEPS))
-    for where, steps in scenes:
+    scenes = dict.fromkeys((at.coarse, at.trial, at.fine))
+    for where, steps in zip(scenes, (LAST_STEPS, FINER_STEPS, FINER_STEPS), strict=False):
         best = focused(sampled(where, path), path, belief, steps=steps)
         path, values = best.trajectory, values + best.values
     found = evidence(part, belief.spectrum, path)

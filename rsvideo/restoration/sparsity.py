@@ -171,7 +171,7 @@ def _tile_objective(
 def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"]]]:
     """The scene's tiles, each with the displacements of its path samples."""
     count = 1 if trajectory.coefficients.shape[1] == 2 and not scene.flow else scene.tiles
-    cut = tiles.split(scene.camera.intrinsics.cols, count, 0)
+    cut = scene.cut(count)
     yield from zip(cut, displacements(cut, trajectory, scene.flow, scene.camera, scene.samples), strict=True)
 
 

@@ -1,12 +1,13 @@
 """Blur photographs at random, restore them blindly and with their motion known, and print how much of the known gain is kept.
 
-    python tests/benchmarks/corpus.py PHOTOS -o FILE [--each 1] [--half choose] [--gyro LOG] [--seed 0] [--keep DIR] [--jobs 2]
+    python tests/benchmarks/corpus.py PHOTOS -o FILE [--each 1] [--half choose] [--large] [--gyro LOG] [--seed 0] [--keep DIR] [--jobs 2]
     python tests/benchmarks/corpus.py --judged FILE
 
 PHOTOS is a folder of sharp pictures. Of each, --each stills are drawn: size, exposure 6 to 33 ms, readout 6 to 31 ms, focal length,
 2.5 to 34 px of blur (one in ten is sharp), roll in two thirds, noise, brightness, a third as JPEG; the motion is a random hand-shake,
 and for one in two a random moment of LOG where one is given. FILE gets a row a still, and the figures of each half: what is
-chosen by the one can be reported by the other. The half goes by a hash of the photograph's name. DIR keeps the stills. With --judged
+chosen by the one can be reported by the other. The half goes by a hash of the photograph's name. With --large stills have 1920 x 1080
+pixels, and each is taken of four photographs of one half, two by two, since one is not large enough. DIR keeps the stills. With --judged
 nothing is restored: the figures of a FILE are printed under the present limits of the verdict, as far as these leave more stills alone.
 """
 
@@ -50,6 +51,7 @@ from rsvideo.restoration.verdict import believed
 from rsvideo.shooting import given_motion
 
 SIZES = ((400, 600), (432, 768), (450, 800), (540, 960))
+LARGE, BESIDE = ((1080, 1920),), 4  # sizes, and photographs of one scene
 EXPOSURE, READOUT, FOCAL = (6e-3, 33e-3), (6e-3, 31e-3), (0.75, 2.4)  # s, s, and the frame's columns
 BLUR, NOISE, GAIN, JPEG = (2.5, 34.0), (1.5e-3, 10e-3), (0.75, 1.15), (82, 97)  # px, at half of white, of the light, quality
 SHARP, SHARP_BLUR = 0.1, (0.05, 0.6)  # the share of stills that are sharp, and px of their blur
@@ -71,7 +73,23 @@ def half(photograph: Path) -> str:
     return "choose" if digest(photograph)[0] % 2 else "report"
 
 
-def made(photograph: Path, number: int, folder: Path, seed: int, log: GyroLog | None) -> Path | None:
+def mosaics(photographs: list[Path], folder: Path) -> list[Path]:
+    """Scenes of four photographs of one half, named after the first, which says the half."""
+    out = []
+    for name in ("choose", "report"):
+        some = sorted((p for p in photographs if half(p) == name), key=digest)
+        for k in range(0, len(some) - BESIDE + 1, BESIDE):
+            four = [cv2.imread(str(p), cv2.IMREAD_COLOR) for p in some[k : k + BESIDE]]
+            rows, cols = np.min([p.shape[:2] for p in four if p is not None], axis=0)
+            a, b, c, d = (p[:rows, :cols] for p in four if p is not None)
+            out.append(folder / some[k].name)
+            cv2.imwrite(str(out[-1]), np.vstack([np.hstack([a, b]), np.hstack([c, d])]), [cv2.IMWRITE_JPEG_QUALITY, 100])
+    return out
+
+
+def made(
+    photograph: Path, number: int, folder: Path, seed: int, log: GyroLog | None, sizes: tuple[tuple[int, int], ...] = SIZES
+) -> Path | None:
     """The folder of one still, made unless it is there; None where the photograph is too small for any motion drawn."""
     case = folder / f"{photograph.stem}-{seed}-{number}"
     if (case / "case.json").is_file():
@@ -82,7 +100,7 @@ def made(photograph: Path, number: int, folder: Path, seed: int, log: GyroLog | 
         return None
     scene = decode(Transfer.SRGB, codes[..., ::-1].astype(np.float32) / 255)
     for _ in range(DRAWS):
-        rows, cols = SIZES[rng.integers(len(SIZES))]
+        rows, cols = sizes[rng.integers(len(sizes))]
         start, hand, logged = rng.uniform(), int(rng.integers(2**31)), rng.uniform() < LOGGED
         motion = staging.of_log(log, start=start * (log.times[-1] - LONGEST)) if log and logged else staging.hand(hand)
         low, high = SHARP_BLUR if rng.uniform() < SHARP else BLUR
@@ -238,6 +256,7 @@ def main() -> None:
     parser.add_argument("--judged", type=Path, metavar="FILE")
     parser.add_argument("--each", type=int, default=1)
     parser.add_argument("--half", choices=("choose", "report"))
+    parser.add_argument("--large", action="store_true")
     parser.add_argument("--gyro", type=Path)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path)
@@ -254,7 +273,10 @@ def main() -> None:
         sys.exit(f"{args.photographs} must hold JPEG or PNG pictures")
     log = gyro.parse(args.gyro.read_text().splitlines()) if args.gyro else None
     with tempfile.TemporaryDirectory() as name, ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool:
-        draw = partial(made, folder=args.keep or Path(name), seed=args.seed, log=log)
+        if args.large:
+            photographs = mosaics(photographs, Path(name))
+        sizes = LARGE if args.large else SIZES
+        draw = partial(made, folder=args.keep or Path(name, "stills"), seed=args.seed, log=log, sizes=sizes)
         cases = [case for case in pool.map(draw, *zip(*product(photographs, range(args.each)), strict=True)) if case]
         rows = []
         for row in pool.map(restored, cases):

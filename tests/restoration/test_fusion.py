@@ -9,7 +9,7 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
-from rsvideo.restoration.fusion import PosedImage, fused
+from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.nonblind import deblur, tiled
 from rsvideo.restoration.settings import Settings
 
@@ -77,11 +77,13 @@ def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
     assert psnr(both.latent, long.truth) > psnr(own, long.truth) - 0.5
 
 
-def test_without_neighbours_a_frame_stays_as_it_is(long):
-    frame, own = alone(long, LONG)
-    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [], CAMERA, 0.004)
-    assert both.latent is own
-    assert (both.explained == 1).all()
+def test_neighbours_of_far_longer_blur_do_not_help() -> None:
+    def of(length: float) -> PosedImage:
+        return PosedImage(latent=np.zeros((8, 8, 3), np.float32), pose=np.zeros(3), length=length)
+
+    others = [of(length) for length in (9.0, 2.0, 40.0, 5.0)]
+    assert [o.length for o in helpful(of(4.0), others)] == [2.0, 5.0, 9.0]
+    assert helpful(of(2.0), [of(12.0)]) == []
 
 
 def test_the_blur_of_the_truth_is_the_frame(long):

@@ -14,7 +14,7 @@ from rsvideo.physics.row_fourier import extent
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred, fit, still
 from rsvideo.restoration import nonblind
-from rsvideo.restoration.nonblind import OVERLAP, TiledFrame, TileSystem, deblur, tile_system, tiled, total_variation
+from rsvideo.restoration.nonblind import OVERLAP, TiledFrame, TileSystem, deblur, finished, tile_system, tiled, total_variation
 from rsvideo.restoration.parallax import Flow, displacement
 from rsvideo.restoration.settings import Settings
 
@@ -228,6 +228,17 @@ def test_a_draft_is_what_the_denoiser_starts_from() -> None:
     assert len(draft) == 1
     assert len(normal) > 4
     np.testing.assert_array_equal(draft[0], normal[0])
+
+
+def test_a_latent_image_that_is_known_well_loses_its_noise_and_keeps_what_the_frame_shows() -> None:
+    case, noise = taken(SHIFT, sigma=0.004), 4e-3
+    clipped = np.zeros(case.blurred.shape, bool)
+    cut = tiled(case.blurred, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    rng = np.random.default_rng(1)
+    known = (case.truth + noise * rng.standard_normal(case.truth.shape)).astype(np.float32)
+    assert psnr(finished(cut, known, noise), case.truth) > psnr(known, case.truth) + 0.5
+    pale = (0.9 * case.truth).astype(np.float32)
+    assert psnr(finished(cut, pale, noise), case.truth) > psnr(pale, case.truth) + 3  # as bright as the frame again
 
 
 def test_blocks_that_compression_leaves_ring_less_than_noise_alone_would_let_them() -> None:

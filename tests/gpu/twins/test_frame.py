@@ -73,6 +73,12 @@ def test_the_whole_restoration_with_the_denoiser_is_the_processors(monkeypatch: 
         np.testing.assert_allclose(there.to_host(other), one, atol=1e-3 if LARGE else 1e-5)  # large: patches nearly as near may swap
 
 
+def test_the_last_step_of_a_frame_that_was_fused_is_the_processors() -> None:
+    here, there = pair(3)
+    known = picture(3)[::-1].copy()
+    np.testing.assert_allclose(nonblind.finished(there, known, 2e-3), nonblind.finished(here, known, 2e-3), atol=1e-3 if LARGE else 1e-5)
+
+
 def test_tiles_share_a_grid_and_come_close_to_those_with_grids_of_their_own() -> None:
     here, there = pair(1, least=2)
     assert len(there.cut) == len(here.cut) == 2
