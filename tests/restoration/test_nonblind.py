@@ -238,7 +238,7 @@ def test_a_latent_image_that_is_known_well_loses_its_noise_and_keeps_what_the_fr
     known = (case.truth + noise * rng.standard_normal(case.truth.shape)).astype(np.float32)
     assert psnr(finished(cut, known, noise), case.truth) > psnr(known, case.truth) + 0.5
     pale = (0.9 * case.truth).astype(np.float32)
-    assert psnr(finished(cut, pale, noise), case.truth) > psnr(pale, case.truth) + 3  # as bright as the frame again
+    assert psnr(finished(cut, pale, noise), case.truth) > psnr(pale, case.truth) + 2  # as bright as the frame again
 
 
 def test_blocks_that_compression_leaves_ring_less_than_noise_alone_would_let_them() -> None:
