@@ -154,7 +154,7 @@ class DeviceFrame:
 
     def from_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Array:
         """A picture on the device."""
-        return xp.asarray(np.ascontiguousarray(image, np.float32))
+        return xp.asarray(np.ascontiguousarray(np.moveaxis(image, 2, 0), np.float32))
 
     def to_host(self, image: Array) -> Float[np.ndarray, "rows cols channels"]:
         """A picture in the host's memory."""
@@ -219,7 +219,7 @@ class DeviceFrame:
 
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2, for a target in the host's memory."""
-        aim = self._extended(xp.asarray(np.ascontiguousarray(np.moveaxis(target, 2, 0), np.float32)))
+        aim = self._extended(self.from_host(target))
         return self.to_host(self.blended(self._of_all(lambda system, some: system.nearest(aim[some], aim[some], ridge))))
 
     def _crop(self, latent: Array, tile: Tile) -> Array:
