@@ -20,7 +20,7 @@ from rsvideo.restoration.settings import Settings
 
 WINDOW_COLS = 800  # with most texture, from which the motion is estimated and on which it is judged
 TRIAL_COLS = 560  # of them, on which paths are compared
-COARSE_REACH = 12.0  # px; blurs longer than this still show at half the resolution, where paths then run first
+COARSE_REACH = 6.0  # px; blurs longer than this still show at half the resolution, where paths then run first
 LONG_REACH = 40.0  # px; longer blurs are searched at a lower resolution, since the work grows with their square
 WHITE = 99.5  # percentile of luminance that becomes 1; brighter pixels count as clipped; origin: by trial
 DARKEST_WHITE = 1e-3  # linear light; a darker frame is not stretched to white
