@@ -316,7 +316,7 @@ def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[An
 
 
 def finished(frame: BlurredFrame, latent: Float[np.ndarray, "rows cols channels"], noise: float) -> Float[np.ndarray, "rows cols channels"]:
-    """The last splitting step alone, of a latent image that is known well already: it is its own pilot. `noise` is as in `deblur`."""
+    """The last splitting step alone, of a latent image that has little noise left: it is its own pilot. `noise` is as in `deblur`."""
     root, strength = _lifted(frame.from_host(latent), FINISH * noise)
     smooth = frame.to_host(_lowered(frame.denoise(root, strength, pilot=root)))
     return 0.5 * (frame.towards(smooth, 1 / FINISH**2) + smooth)
