@@ -17,7 +17,7 @@ class Effort:
     blur_steps: int  # of L-BFGS, in which blur refines a clip's path
     neighbours: int  # frames on either side that one of a clip is restored with
     tv_steps: int  # of ADMM where total variation is the prior
-    splittings: int  # denoisings of the final image; 0: the image that they start from
+    splittings: int  # denoisings of the final image, of which a frame that neighbours help gets the last; 0: what they start from
 
 
 EFFORTS: dict[Quality, Effort] = {
