@@ -12,10 +12,11 @@ from rsvideo.restoration.estimate import ESTIMATED, Estimate
 from rsvideo.restoration.extent import beyond
 from rsvideo.restoration.psf_fit import Candidate, Strip
 from rsvideo.restoration.refinement import Prior, refine
-from rsvideo.restoration.scene import COARSE_REACH, TRIAL_COLS, Scene, halved, windowed
+from rsvideo.restoration.scene import TRIAL_COLS, Scene, halved, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.sparsity import objective
 
+LONG_KERNEL = 12.0  # px; the paths of longer kernels run at half the resolution first
 SHARP_KERNEL = 2.0  # px; kernels of sharp strips are found about 1.8 px long, for the latent image has hard edges
 SHARP_STRIPS = 2  # with such a kernel make a frame sharp
 FIRST_STEPS = 1  # of L-BFGS, by which all candidates run before the best FINALISTS are chosen
@@ -116,7 +117,7 @@ class _Course:
         return cls(
             part=part,
             trial=trial,
-            coarse=halved(trial) if psf_fit.reach(first.strips) > COARSE_REACH else trial,
+            coarse=halved(trial) if psf_fit.reach(first.strips) > LONG_KERNEL else trial,
             strips=first.strips,
             halves=initialise.strip_kernels(part.frame, part.camera.timing, KernelSettings(), parts=2) if rolls else [],
             settings=settings,
