@@ -17,10 +17,9 @@ from rsvideo.restoration.focus import focus_value
 from rsvideo.restoration.refinement import focused, refine
 from rsvideo.restoration.scene import COARSE_REACH, LONG_REACH, TRIAL_COLS, WINDOW_COLS, Scene, halved, shrunk, spread
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.spectral_paths import SpectralBelief, mirrored, spectral_paths
+from rsvideo.restoration.spectral_paths import LARGEST_SIDE, SpectralBelief, mirrored, spectral_paths
 
-LARGEST_TRIED = 960  # px, the longer side up to which paths are tried on a scene as it is; a larger one is halved,
-SHOWN = 5.0  # px, that the longest blur keeps in it
+SHOWN = 5.0  # px, that the longest blur keeps in a scene that is halved for its size
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, and spectra may mislead; about the true path only is a dip
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
@@ -73,7 +72,7 @@ class _Resolutions:
     def of(cls, scene: Scene, length: float) -> "_Resolutions":
         scene = shrunk(scene, length, LONG_REACH)
         finer = scene
-        while max(scene.frame.shape) > LARGEST_TRIED and length * scene.scale >= 2 * SHOWN:
+        while max(scene.frame.shape) > LARGEST_SIDE and length * scene.scale >= 2 * SHOWN:
             finer, scene = scene, halved(scene)
         coarse = spread(halved(scene), TRIAL_COLS // 2) if length * scene.scale > COARSE_REACH else None
         trial = spread(scene, TRIAL_COLS)
