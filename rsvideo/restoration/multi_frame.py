@@ -162,10 +162,10 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
     """The frame restored with its neighbours, and where none of them agrees, straightened only."""
     alone, image = waiting.restored, waiting.image
-    if image is None or alone.verdict is not Verdict.RESTORED or too_long(alone.view, image.length):
+    if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
     started, view = time.monotonic(), alone.view
-    others = helpful(image, others)
+    others = [] if too_long(view, image.length) else helpful(image, others)
     if others:
         frame = tiled_frame(view, alone.trajectory, settings, waiting.flow)
         both = fused(frame, image, others, view.camera.intrinsics, waiting.noise)
@@ -173,8 +173,7 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
         if not waiting.given:
             waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None])
     elif waiting.draft:
-        full = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=waiting.flow)
-        latent = waiting.mixed(full.latent)
+        latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=waiting.flow).latent
     else:
-        latent = image.latent
+        latent = alone.latent
     return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)

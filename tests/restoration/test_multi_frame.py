@@ -9,9 +9,10 @@ from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration import multi_frame
+from rsvideo.restoration import multi_frame, single_frame
 from rsvideo.restoration.clip_motion import movement
 from rsvideo.restoration.movement import Evidence, Movement, joined
+from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
 from tests.restoration.swaying import BEGINS, END, TIMING, sway
@@ -139,3 +140,23 @@ def test_a_motion_that_was_given_is_followed_whatever_the_neighbours_show() -> N
     how = {"camera": taken_by(moving), "settings": Settings(prior="tv")}
     found, given = (list(multi_frame.restored(frames, motion, **how))[2].latent for motion in (found, replace(found, evidence=[])))
     assert np.abs(np.diff(given[STRANGER], axis=1)).mean() > 1.2 * np.abs(np.diff(found[STRANGER], axis=1)).mean()
+
+
+@pytest.mark.parametrize("blur", ["short", "long"])
+@pytest.mark.parametrize("reach", ["together", "alone"])
+def test_a_frame_without_neighbours_is_restored_by_itself_as_far_as_it_is_trusted(
+    monkeypatch: pytest.MonkeyPatch, reach: str, blur: str
+) -> None:
+    moving, frames, found = with_a_stranger()
+    camera, one = taken_by(moving), found.part(2, 3)
+    monkeypatch.setattr(multi_frame, "too_long", lambda *_: blur == "long")
+
+    def shown(trusted: float) -> np.ndarray:
+        monkeypatch.setattr(multi_frame, "trust", lambda scene, *_: np.full(scene.frame.shape, trusted, np.float32))
+        (result,) = multi_frame.restored(frames[2:3], one, camera, Settings(frames=reach))
+        return result.latent
+
+    whole = single_frame.restore(to_scanlines(frames[2], camera), Settings(), trajectory=one.within[0]).latent
+    quarter, half, full = (shown(trusted) for trusted in (0.25, 0.5, 1.0))
+    np.testing.assert_allclose(full, np.clip(whole, 0, 1), atol=1e-5)
+    np.testing.assert_allclose(full - half, 2 * (half - quarter), atol=1e-5)
