@@ -117,7 +117,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         stated, _ = timing.readout_of(given, sources)
         readout = stated.value if stated else None
     taken = camera(half if readout is None else readout, lens.pixels)
-    found = exposure.measured(replace(run, camera=taken.along_scanlines(), source_camera=taken), period)
+    found = exposure.measured(run.taken_by(taken), period)
     shown = Measured(
         readout=readout,
         readout_deviation=vague,

@@ -30,7 +30,7 @@ from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.refinement import SCALE
 from rsvideo.restoration.scanlines import to_scanlines
-from rsvideo.restoration.scene import Scene, reduced, scene_of, windowed
+from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
 from rsvideo.restoration.trust import SHORT, run_share, vote
@@ -49,6 +49,7 @@ class Run:
 
     begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens
     scenes: list[Scene]  # narrowed to the columns that serve; none where blur is not needed
+    wide: list[Scene]  # all columns at half the resolution, or less, where long blurs show
     links: list[Tracks]  # between neighbours
     camera: Camera  # along the scanlines
     source_camera: Camera  # as the frames are stored
@@ -64,6 +65,24 @@ class Run:
     def tied(self) -> list[bool]:
         """Whether the next frame's points were followed."""
         return [*(len(t.before) > 0 for t in self.links), False]
+
+    def taken_by(self, camera: Camera) -> "Run":
+        """The same frames, if another camera of that size has taken them."""
+        upright, seen = camera.along_scanlines(), self.camera.intrinsics
+
+        def again(scene: Scene) -> Scene:
+            lens, part = upright.intrinsics, scene.camera.intrinsics
+            cut = replace(lens, cx=lens.cx + part.cx - seen.cx, cols=part.cols)
+            return replace(scene, camera=replace(upright, intrinsics=cut))
+
+        def smaller(scene: Scene) -> Scene:
+            camera = upright
+            while camera.timing.rows > scene.frame.shape[0]:
+                camera = camera.halved()
+            return replace(scene, camera=camera)
+
+        scenes, wide = [again(scene) for scene in self.scenes], [smaller(scene) for scene in self.wide]
+        return replace(self, scenes=scenes, wide=wide, camera=upright, source_camera=camera)
 
     @property
     def followed(self) -> Bool[np.ndarray, " frames"]:
@@ -91,6 +110,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
     """Take frames in one by one. They are not kept, nor, without `blur`, what their blur is measured from."""
     begins: list[float] = []
     scenes: list[Scene] = []
+    wide: list[Scene] = []
     links: list[Tracks] = []
     before = None
     for frame in frames:
@@ -102,10 +122,11 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         begins.append(frame.time)
         if blur:
             scenes.append(windowed(scene, COLS))
+            wide.append(reduced(halved(scene)))
         observe(Progress(stage="motion", fraction=0.0, frame=frame.index))
     upright = camera.along_scanlines()
     how = {"axes": settings.axes, "steps": settings.effort.blur_steps}
-    return Run(begins=np.array(begins), scenes=scenes, links=links, camera=upright, source_camera=camera, **how)
+    return Run(begins=np.array(begins), scenes=scenes, wide=wide, links=links, camera=upright, source_camera=camera, **how)
 
 
 def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
@@ -115,9 +136,10 @@ def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
 
 def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
     """The path refined by the blur of those of the `frames` that are blurred."""
-    timing = run.camera.timing
-    blurred = [k for k in np.flatnonzero(frames) if exposure_length(path.spline, run.begins[k], timing) > BLURRED]
-    return refine([run.scenes[k] for k in blurred], [float(run.begins[k]) for k in blurred], path, steps=run.steps) if blurred else path
+    lengths = {int(k): exposure_length(path.spline, run.begins[k], run.camera.timing) for k in np.flatnonzero(frames)}
+    blurred = [k for k, length in lengths.items() if length > BLURRED]
+    scenes = [scene_at(run, k, None, lengths[k]) for k in blurred]
+    return refine(scenes, [float(run.begins[k]) for k in blurred], path, steps=run.steps) if blurred else path
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:
@@ -165,7 +187,7 @@ def _votes(run: Run, path: CameraPath) -> list[tuple[float, float]]:
     for k, begin in enumerate(run.begins):
         cut = within(path.spline, float(begin), run.camera.timing)
         if (length := longest(run.camera, cut)) > SHORT:
-            wanted.append((reduced(flowing(run, k, flows_beside[k]), length), cut))
+            wanted.append((scene_at(run, k, flows_beside[k], length), cut))
     return threads.each(lambda each: vote(*each), wanted)
 
 
@@ -192,10 +214,14 @@ def beside(run: Run, path: CameraPath) -> list[Flow | None]:
     return _flows(run, unexplained(path.spline, run.links, run.begins, run.camera))
 
 
-def flowing(run: Run, k: int, flow: Flow | None) -> Scene:
-    """The scene of frame k, whose points move by a `flow` over the whole frame."""
-    scene = run.scenes[k]
-    return replace(scene, flow=flow and flow.from_column(round(run.camera.intrinsics.cx - scene.camera.intrinsics.cx)))
+def scene_at(run: Run, k: int, flow: Flow | None, blur: float) -> Scene:
+    """The scene of frame k, whose points move by a `flow` over the whole frame, at the resolution that shows so many px of blur."""
+    scene, wide = run.scenes[k], run.wide[k]
+    first = round(run.camera.intrinsics.cx - scene.camera.intrinsics.cx)
+    narrow = reduced(replace(scene, flow=flow and flow.from_column(first)), blur)
+    if narrow.scale > wide.scale:
+        return narrow
+    return reduced(replace(wide, flow=flow and flow.scaled(wide.scale)), blur)
 
 
 def _flows(run: Run, beyond: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Flow | None]:

@@ -18,10 +18,10 @@ from jaxtyping import Float
 
 from rsvideo import threads
 from rsvideo.restoration.camera_path import CameraPath, within
-from rsvideo.restoration.clip_motion import Run, beside, flowing, path_from_tracks
+from rsvideo.restoration.clip_motion import Run, beside, path_from_tracks, scene_at
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.scene import Scene, reduced
+from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.spectrum import Patches, patches
 from rsvideo.restoration.trust import misfits
 
@@ -70,9 +70,11 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     missed = np.array(threads.each(lambda each: [_misfit(run, path, *each, e) for e in tried], textured))
     shown = _shown(missed)
     mean = float(shown @ np.log(tried))
-    value, deviation = float(np.exp(mean)), float(np.sqrt(shown @ (np.log(tried) - mean) ** 2))
+    value = float(np.exp(mean))
+    deviation = max(float(np.sqrt(shown @ (np.log(tried) - mean) ** 2)), _disagreement(missed, np.log(tried)))
     blur = float(np.median([_length(run, path, k, value) for k, _, _ in textured]))
-    most = max(float(tried[np.searchsorted(np.cumsum(shown), SURE)]), value * PLAIN / max(blur, _LEAST_BLUR))
+    surely = value * max(float(np.exp(2 * deviation)), PLAIN / max(blur, _LEAST_BLUR))
+    most = max(float(tried[np.searchsorted(np.cumsum(shown), SURE)]), surely)
     if deviation > VAGUE:
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=min(most, period))
     if blur < PLAIN:
@@ -86,6 +88,12 @@ def _shown(misfits: Float[np.ndarray, "frames tried"]) -> Float[np.ndarray, " tr
     together = np.log((1 - ASTRAY) * each / each.sum(axis=1, keepdims=True) + ASTRAY / misfits.shape[1]).sum(axis=0)
     shown = np.exp(together - together.max())
     return shown / shown.sum()
+
+
+def _disagreement(misfits: Float[np.ndarray, "frames tried"], logarithms: Float[np.ndarray, " tried"]) -> float:
+    """The standard error of the mean logarithm by what each frame changes in it (jackknife): frames may be sure, and disagree."""
+    without = np.array([_shown(np.delete(misfits, k, axis=0)) @ logarithms for k in range(len(misfits))])
+    return float(np.sqrt((len(without) - 1) * without.var()))
 
 
 def _most_moving(run: Run, path: CameraPath) -> list[int]:
@@ -107,7 +115,7 @@ def _begins(run: Run, k: int, exposure: float) -> float:
 
 def _scene(run: Run, path: CameraPath, k: int, flow: Flow | None, period: float) -> Scene:
     """The scene of frame k, in whose patches blur of half the longest exposure has room."""
-    return reduced(flowing(run, k, flow), _length(run, path, k, period) / 2)
+    return scene_at(run, k, flow, _length(run, path, k, period) / 2)
 
 
 def _misfit(run: Run, path: CameraPath, k: int, scene: Scene, observed: Patches, exposure: float) -> float:

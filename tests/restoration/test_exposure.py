@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from rsvideo.frame import Frame
-from rsvideo.physics.camera import Camera
+from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.restoration import exposure
-from rsvideo.restoration.clip_motion import Run, gather
+from rsvideo.restoration.clip_motion import COLS, Run, gather, scene_at
 from rsvideo.restoration.exposure import Exposure, Unclear
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
@@ -42,6 +43,41 @@ def test_frames_whose_path_is_wrong_are_outvoted() -> None:
     assert shown.sum() == pytest.approx(1)
     assert abs(float(shown @ tried) - 8) < 0.5
     assert float(np.sqrt(shown @ (tried - shown @ tried) ** 2)) < 1
+
+
+@pytest.mark.parametrize(("dips", "agreed"), [([8, 8, 9, 8, 7, 8], True), ([4, 4, 4, 14, 14, 14], False)])
+def test_frames_that_are_sure_and_disagree_leave_the_answer_open(dips: list[int], agreed: bool) -> None:
+    logarithms = np.log(exposure.RATIO) * np.arange(20.0)
+    misfits = np.array([1 - np.exp(-((np.arange(20) - dip) ** 2) / 4) for dip in dips])
+    assert (exposure._disagreement(misfits, logarithms) < exposure.VAGUE) == agreed
+
+
+@pytest.mark.parametrize("rows", [96, 129])
+def test_frames_are_seen_as_the_camera_took_them_that_is_known_only_after_they_were_followed(rows: int) -> None:
+    frames, camera, guessed = grain(rows, 601), camera_of(rows, 601, readout=0.038, focal=700.0), camera_of(rows, 601, 0.005, 300.0)
+    again, known = gather(frames, guessed, Settings()).taken_by(camera), gather(frames, camera, Settings())
+    for one, other in zip([*again.scenes, *again.wide], [*known.scenes, *known.wide], strict=True):
+        assert one.camera == other.camera
+        np.testing.assert_array_equal(one.frame, other.frame)
+
+
+def test_a_long_blur_is_measured_over_the_whole_width_of_a_frame() -> None:
+    run = gather(grain(200, 600), camera_of(200, 600, readout=0.02, focal=700.0), Settings())
+    short, long = (scene_at(run, 0, None, blur) for blur in (3.0, 30.0))
+    assert short.camera.intrinsics.cols == COLS
+    assert (long.scale, long.camera.intrinsics.cols) == (0.5, 300)
+
+
+def grain(rows: int, cols: int) -> list[Frame]:
+    """Two frames of noise."""
+    pictures = np.random.default_rng(1).random((2, rows, cols, 1), np.float32)
+    return [Frame(pixels=each, clipped=np.zeros(each.shape, bool), time=k / RATE, index=k) for k, each in enumerate(pictures)]
+
+
+def camera_of(rows: int, cols: int, readout: float, focal: float) -> Camera:
+    """A camera with 20 ms of exposure."""
+    timing = ShutterTiming.from_readout(exposure=0.02, readout=readout, rows=rows)
+    return Camera(timing=timing, intrinsics=Intrinsics.centred(focal=focal, rows=rows, cols=cols))
 
 
 def taken(frames: list[Frame], assumed: float) -> Run:
