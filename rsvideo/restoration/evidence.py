@@ -19,7 +19,6 @@ from rsvideo.physics.trajectory import Trajectory, centred
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.sparsity import density
-from rsvideo.restoration.spectrum import Spectrum
 
 POWER = 0.3  # of a gradient, relative to those about it
 MIRROR_RIDGES, FOCUS_RIDGE = (0.3, 1.0), 3.0  # times the scene's own; of 0.3, 1 and 3, those that speak most for true paths
@@ -40,12 +39,12 @@ class Evidence:
     focus: float  # standard errors by which they are sparser than along the same path shorter and longer
 
 
-def evidence(scene: Scene, spectrum: Spectrum, path: Trajectory) -> Evidence:
-    """What speaks for a path that was found."""
+def evidence(scene: Scene, path: Trajectory, rest: float) -> Evidence:
+    """What speaks for a path that was found; `rest` is what the spectra say of it."""
     middles = scene.camera.timing.sample_times(MIDDLES).mean(axis=1)
     mirror, focus = compared(scene, path)
     return Evidence(
-        rest=spectrum.value(path.with_coefficients(0 * path.coefficients)) - spectrum.value(path),
+        rest=rest,
         mirror=mirror,
         wobble=float(np.linalg.norm(path.at(middles)[:, :2].std(axis=0))),
         focus=focus,

@@ -22,8 +22,9 @@ from rsvideo.restoration.spectral_paths import LARGEST_SIDE, SpectralBelief, mir
 SHOWN = 5.0  # px, that the longest blur keeps in a scene that is halved for its size
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, and spectra may mislead; about the true path only is a dip
-LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus; the latter at full resolution after the former at half
-LAST_SPECTRA = 0.1  # weight of the spectra's misfit beside the focus
+LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus: where a long blur still shows, and at each finer resolution
+LAST_SPECTRA, FINAL_SPECTRA = 0.3, 0.5  # weight of the spectra's misfit beside the focus, in the former and in the latter
+FULL = 10.0  # px of blur in the spectra's scene, beyond which the latter falls to the former: a patch holds few periods of long blurs
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
 
@@ -53,7 +54,6 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         running = _going_on(inside, where, most)
         length = longest(scene.camera, running[0].trajectory)
         at = _Resolutions.of(scene, length) if at.trial.scale * length > LONG_REACH else at
-    belief = replace(belief, weight=LAST_SPECTRA)
     speaks = threads.each(lambda runner: sum(compared(at.part, runner.trajectory)), running)
     path = running[int(np.argmax(speaks))].trajectory
     yield _focused(path, at, belief)
@@ -81,16 +81,21 @@ class _Resolutions:
 
 
 def _focused(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> Estimate:
-    """The last steps, by the path's focus, and what speaks for where they lead."""
-    part, values = at.part, tuple[float, ...]()
-    scenes = dict.fromkeys((at.coarse, at.trial, at.fine))
-    for where, steps in zip(scenes, (LAST_STEPS, FINER_STEPS, FINER_STEPS), strict=False):
-        best = focused(sampled(where, path), path, belief, steps=steps)
+    """The last steps, by the path's focus, and what speaks for where they lead.
+
+    The spectra speak for the path before they are followed closely: any path can be led to where they drop.
+    """
+    best = focused(sampled(at.coarse, path), path, replace(belief, weight=LAST_SPECTRA), steps=LAST_STEPS)
+    path, values, rest = best.trajectory, best.values, belief.spectrum.drop(best.trajectory)
+    blur = max(longest(at.part.camera, path) * belief.spectrum.scene.scale, FULL)
+    closely = replace(belief, weight=max(FINAL_SPECTRA * (FULL / blur) ** 2, LAST_SPECTRA))
+    for where in dict.fromkeys((at.trial, at.fine)):
+        best = focused(sampled(where, path), path, closely, steps=FINER_STEPS)
         path, values = best.trajectory, values + best.values
-    found = evidence(part, belief.spectrum, path)
+    found = evidence(at.part, path, rest)
     if found.mirror < 0:
         path = mirrored(path)
-        found = evidence(part, belief.spectrum, path)
+        found = evidence(at.part, path, rest)
     return Estimate(stage="path", fraction=ESTIMATED, trajectory=path, values=values, evidence=found)
 
 

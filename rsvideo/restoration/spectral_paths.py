@@ -75,8 +75,7 @@ class _Level:
     @property
     def drop(self) -> float:
         """By how much the misfit along the best path is lower than at rest."""
-        spectrum, best = self.belief.spectrum, self.paths[0].trajectory
-        return spectrum.value(best.with_coefficients(0 * best.coefficients)) - spectrum.value(best)
+        return self.belief.spectrum.drop(self.paths[0].trajectory)
 
     @property
     def length(self) -> float:

@@ -146,6 +146,10 @@ class Spectrum:
         """The misfit of a path."""
         return self.misfit(path.coefficients[1:], slope=False)[0]
 
+    def drop(self, path: Trajectory) -> float:
+        """By how much the misfit along a path is lower than at rest."""
+        return self.value(path.with_coefficients(0 * path.coefficients)) - self.value(path)
+
     def misfit(self, coefficients: Float[np.ndarray, "unknowns axes"], *, slope: bool = True) -> tuple[float, np.ndarray]:
         """The mean over frequencies of log M + S / M, and its derivative in the coefficients but the constant ones."""
         q = np.matmul(self.basis @ coefficients, self.levers.swapaxes(-1, -2)) + self.beside

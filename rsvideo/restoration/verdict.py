@@ -10,10 +10,10 @@ from rsvideo.restoration.sparsity import objective
 
 # What evidence has to exceed was chosen on one half of a corpus of photographs. The limits of energy and f were chosen on the cases
 # in the README and 24 others made from the same photographs.
-REST = 0.08  # by which the spectra's misfit is lower than at rest: 0.09 to 0.56 along true paths, 0 to 0.45 along others
-REST_UNDIRECTED = 0.12  # the same where the mirror image does not speak for the path, which it does for few wrong ones: 0.08 cost one
-# still in 40 6 dB along a wrong path (with a spectrum.LEAK of 0.02), and right ones of unknown direction show 0.10 to 0.44
-MIRROR = 1.75  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.7 to 17 along true others
+REST = 0.1  # by which the spectra's misfit is lower than at rest: 0.10 to 0.57 along true paths, 0 to 0.45 along others
+REST_UNDIRECTED = 0.2  # the same where the mirror image does not speak for the path, which it does for few wrong ones: those show up to
+# 0.17, and right ones of unknown direction 0.16 to 0.44
+MIRROR = 2.0  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.8 to 24 along true others
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
@@ -49,10 +49,10 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 
 def believed(evidence: Evidence) -> Verdict:
     """What becomes of a frame by what speaks for its path."""
-    directed = evidence.mirror > MIRROR or evidence.wobble < WOBBLE
+    directed = evidence.mirror > MIRROR
     if evidence.rest <= (REST if directed else REST_UNDIRECTED) or evidence.focus <= FOCUS:
         return Verdict.UNEXPLAINED
-    return Verdict.RESTORED if directed else Verdict.UNDIRECTED
+    return Verdict.RESTORED if directed or evidence.wobble < WOBBLE else Verdict.UNDIRECTED
 
 
 def across(path: Trajectory) -> Trajectory:

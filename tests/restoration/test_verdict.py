@@ -8,7 +8,7 @@ from rsvideo.frame import Verdict
 from rsvideo.restoration.evidence import Evidence
 from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, REST_UNDIRECTED, WOBBLE, believed
 
-GOOD = Evidence(rest=2 * REST, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS)
+GOOD = Evidence(rest=2 * REST_UNDIRECTED, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS)
 
 
 def test_a_path_for_which_all_speaks_is_followed() -> None:
@@ -27,7 +27,8 @@ def test_where_the_mirror_image_may_be_as_true_the_direction_is_open() -> None:
 def test_what_the_mirror_image_does_not_say_the_spectra_must_say_more_surely() -> None:
     weak = replace(GOOD, rest=0.9 * REST_UNDIRECTED)
     assert believed(weak) is Verdict.RESTORED
-    assert believed(replace(weak, mirror=0.9 * MIRROR)) is Verdict.UNEXPLAINED
+    for wobble in (2 * WOBBLE, 0.0):
+        assert believed(replace(weak, mirror=0.9 * MIRROR, wobble=wobble)) is Verdict.UNEXPLAINED
 
 
 def test_where_the_scanlines_do_not_sway_the_direction_does_not_matter() -> None:
