@@ -1,5 +1,7 @@
 """Whether restoring a frame along a path will help."""
 
+import math
+
 from rsvideo.frame import Verdict
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.energy import energy
@@ -10,10 +12,12 @@ from rsvideo.restoration.sparsity import objective
 
 # What evidence has to exceed was chosen on one half of a corpus of photographs. The limits of energy and f were chosen on the cases
 # in the README and 24 others made from the same photographs.
-REST = 0.1  # by which the spectra's misfit is lower than at rest: 0.10 to 0.57 along true paths, 0 to 0.45 along others
+REST = 0.05  # by which the spectra's misfit is lower than at rest: 0.07 to 0.57 along true paths, 0 to 0.45 along others
 REST_UNDIRECTED = 0.2  # the same where the mirror image does not speak for the path, which it does for few wrong ones: those show up to
 # 0.17, and right ones of unknown direction 0.16 to 0.44
 MIRROR = 2.0  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.8 to 24 along true others
+LOGISTIC = -0.3, 1.4, 1.2, 1.1  # logarithm of the odds that a path is right: a constant, and what the logarithms of rest, mirror and
+# focus add; fitted by tests/benchmarks/judge.py
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
@@ -48,11 +52,20 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 
 
 def believed(evidence: Evidence) -> Verdict:
-    """What becomes of a frame by what speaks for its path."""
+    """What becomes of a frame by what speaks for its path: whether it is more likely right than wrong, if its direction shows."""
     directed = evidence.mirror > MIRROR
     if evidence.rest <= (REST if directed else REST_UNDIRECTED) or evidence.focus <= FOCUS:
         return Verdict.UNEXPLAINED
+    if directed and odds(evidence) <= 0:
+        return Verdict.UNEXPLAINED
     return Verdict.RESTORED if directed or evidence.wobble < WOBBLE else Verdict.UNDIRECTED
+
+
+def odds(evidence: Evidence) -> float:
+    """The logarithm of the odds that a path is right, of which all speaks; evidence of one kind makes up for little of another."""
+    constant, *weights = LOGISTIC
+    measures = evidence.rest, evidence.mirror, evidence.focus
+    return constant + sum(weight * math.log(measure) for weight, measure in zip(weights, measures, strict=True))
 
 
 def across(path: Trajectory) -> Trajectory:

@@ -6,7 +6,7 @@ import pytest
 
 from rsvideo.frame import Verdict
 from rsvideo.restoration.evidence import Evidence
-from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, REST_UNDIRECTED, WOBBLE, believed
+from rsvideo.restoration.verdict import FOCUS, MIRROR, REST, REST_UNDIRECTED, WOBBLE, believed, odds
 
 GOOD = Evidence(rest=2 * REST_UNDIRECTED, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS)
 
@@ -15,7 +15,7 @@ def test_a_path_for_which_all_speaks_is_followed() -> None:
     assert believed(GOOD) is Verdict.RESTORED
 
 
-@pytest.mark.parametrize("lacking", [{"rest": 0.9 * REST}, {"focus": 0.9 * FOCUS}])
+@pytest.mark.parametrize("lacking", [{"rest": 0.9 * REST, "mirror": 100.0}, {"focus": 0.9 * FOCUS}])
 def test_a_path_that_one_measure_does_not_bear_out_is_not(lacking: dict[str, float]) -> None:
     assert believed(replace(GOOD, **lacking)) is Verdict.UNEXPLAINED
 
@@ -33,3 +33,13 @@ def test_what_the_mirror_image_does_not_say_the_spectra_must_say_more_surely() -
 
 def test_where_the_scanlines_do_not_sway_the_direction_does_not_matter() -> None:
     assert believed(replace(GOOD, mirror=0.0, wobble=0.9 * WOBBLE)) is Verdict.RESTORED
+
+
+@pytest.mark.parametrize("name", ["rest", "mirror", "focus"])
+def test_a_path_is_followed_if_it_is_more_likely_right_than_wrong(name: str) -> None:
+    faint = Evidence(rest=0.12, mirror=2.5, wobble=2 * WOBBLE, focus=5.0)
+    assert odds(faint) < 0
+    assert believed(faint) is Verdict.UNEXPLAINED
+    plain = replace(faint, **{name: 2 * getattr(faint, name)})
+    assert odds(plain) > 0
+    assert believed(plain) is Verdict.RESTORED
