@@ -16,8 +16,9 @@ REST = 0.05  # by which the spectra's misfit is lower than at rest: 0.07 to 0.57
 REST_UNDIRECTED = 0.2  # the same where the mirror image does not speak for the path, which it does for few wrong ones: those show up to
 # 0.17, and right ones of unknown direction 0.16 to 0.44
 MIRROR = 2.0  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.8 to 24 along true others
-LOGISTIC = -0.3, 1.4, 1.2, 1.1  # logarithm of the odds that a path is right: a constant, and what the logarithms of rest, mirror and
+LOGISTIC = -0.45, 1.6, 1.6, 1.1  # logarithm of the odds that a path is right: a constant, and what the logarithms of rest, mirror and
 # focus add; fitted by tests/benchmarks/judge.py
+CONFIDENT = math.log(2)  # of that logarithm: a path is followed that is twice as likely right as wrong, for a wrong one costs more trust
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
@@ -52,11 +53,11 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 
 
 def believed(evidence: Evidence) -> Verdict:
-    """What becomes of a frame by what speaks for its path: whether it is more likely right than wrong, if its direction shows."""
+    """What becomes of a frame by what speaks for its path: whether it is twice as likely right as wrong, if its direction shows."""
     directed = evidence.mirror > MIRROR
     if evidence.rest <= (REST if directed else REST_UNDIRECTED) or evidence.focus <= FOCUS:
         return Verdict.UNEXPLAINED
-    if directed and odds(evidence) <= 0:
+    if directed and odds(evidence) <= CONFIDENT:
         return Verdict.UNEXPLAINED
     return Verdict.RESTORED if directed or evidence.wobble < WOBBLE else Verdict.UNDIRECTED
 
