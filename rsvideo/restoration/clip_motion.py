@@ -68,11 +68,11 @@ class Run:
 
     def taken_by(self, camera: Camera) -> "Run":
         """The same frames, if another camera of that size has taken them."""
-        upright, seen = camera.along_scanlines(), self.camera.intrinsics
+        upright, whole = camera.along_scanlines(), self.camera.intrinsics
 
         def again(scene: Scene) -> Scene:
             lens, part = upright.intrinsics, scene.camera.intrinsics
-            cut = replace(lens, cx=lens.cx + part.cx - seen.cx, cols=part.cols)
+            cut = replace(lens, cx=lens.cx + part.cx - whole.cx, cols=part.cols)
             return replace(scene, camera=replace(upright, intrinsics=cut))
 
         def smaller(scene: Scene) -> Scene:

@@ -29,7 +29,7 @@ BANDS = (-np.inf, -2.0, -1.0, 0.0, 1.0, 2.0, np.inf)  # of the odds' logarithm
 
 def floored(row: dict) -> Evidence:
     """The evidence of a still, of which logarithms can be taken."""
-    return Evidence(**{name: max(value, LEAST.get(name, value)) for name, value in row["evidence"].items()})
+    return Evidence(**{name: max(value, LEAST.get(name, -np.inf)) for name, value in row["evidence"].items()})
 
 
 def fitted(measured: Float[np.ndarray, "stills measures"], right: Float[np.ndarray, " stills"]) -> Float[np.ndarray, " weights"]:

@@ -1,6 +1,7 @@
 """One path through a run of frames: what tracks say of it, what blur adds, and how its pieces join."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -145,7 +146,7 @@ def test_a_motion_that_was_given_is_followed_whatever_the_neighbours_show() -> N
 @pytest.mark.parametrize("blur", ["short", "long"])
 @pytest.mark.parametrize("reach", ["together", "alone"])
 def test_a_frame_without_neighbours_is_restored_by_itself_as_far_as_it_is_trusted(
-    monkeypatch: pytest.MonkeyPatch, reach: str, blur: str
+    monkeypatch: pytest.MonkeyPatch, reach: Literal["together", "alone"], blur: str
 ) -> None:
     moving, frames, found = with_a_stranger()
     camera, one = taken_by(moving), found.part(2, 3)
