@@ -68,21 +68,25 @@ class Run:
 
     def taken_by(self, camera: Camera) -> "Run":
         """The same frames, if another camera of that size has taken them."""
-        upright, whole = camera.along_scanlines(), self.camera.intrinsics
+        upright = smaller = camera.along_scanlines()
+        while self.wide and smaller.timing.rows > self.wide[0].camera.timing.rows:
+            smaller = smaller.halved()
 
-        def again(scene: Scene) -> Scene:
-            lens, part = upright.intrinsics, scene.camera.intrinsics
-            cut = replace(lens, cx=lens.cx + part.cx - whole.cx, cols=part.cols)
-            return replace(scene, camera=replace(upright, intrinsics=cut))
+        def narrowed(scene: Scene) -> Camera:
+            lens = upright.intrinsics
+            return replace(upright, intrinsics=replace(lens, cx=lens.cx - self.first_column(scene), cols=scene.camera.intrinsics.cols))
 
-        def smaller(scene: Scene) -> Scene:
-            camera = upright
-            while camera.timing.rows > scene.frame.shape[0]:
-                camera = camera.halved()
-            return replace(scene, camera=camera)
+        return replace(
+            self,
+            scenes=[replace(scene, camera=narrowed(scene)) for scene in self.scenes],
+            wide=[replace(scene, camera=smaller) for scene in self.wide],
+            camera=upright,
+            source_camera=camera,
+        )
 
-        scenes, wide = [again(scene) for scene in self.scenes], [smaller(scene) for scene in self.wide]
-        return replace(self, scenes=scenes, wide=wide, camera=upright, source_camera=camera)
+    def first_column(self, scene: Scene) -> int:
+        """Of the frame, that one of the narrow scenes begins with."""
+        return round(self.camera.intrinsics.cx - scene.camera.intrinsics.cx)
 
     @property
     def followed(self) -> Bool[np.ndarray, " frames"]:
@@ -217,8 +221,7 @@ def beside(run: Run, path: CameraPath) -> list[Flow | None]:
 def scene_at(run: Run, k: int, flow: Flow | None, blur: float) -> Scene:
     """The scene of frame k, whose points move by a `flow` over the whole frame, at the resolution that shows so many px of blur."""
     scene, wide = run.scenes[k], run.wide[k]
-    first = round(run.camera.intrinsics.cx - scene.camera.intrinsics.cx)
-    narrow = reduced(replace(scene, flow=flow and flow.from_column(first)), blur)
+    narrow = reduced(replace(scene, flow=flow and flow.from_column(run.first_column(scene))), blur)
     if narrow.scale > wide.scale:
         return narrow
     return reduced(replace(wide, flow=flow and flow.scaled(wide.scale)), blur)

@@ -57,16 +57,20 @@ def believed(evidence: Evidence) -> Verdict:
     directed = evidence.mirror > MIRROR
     if evidence.rest <= (REST if directed else REST_UNDIRECTED) or evidence.focus <= FOCUS:
         return Verdict.UNEXPLAINED
-    if directed and odds(evidence) <= CONFIDENT:
+    if directed and log_odds(evidence) <= CONFIDENT:
         return Verdict.UNEXPLAINED
     return Verdict.RESTORED if directed or evidence.wobble < WOBBLE else Verdict.UNDIRECTED
 
 
-def odds(evidence: Evidence) -> float:
-    """The logarithm of the odds that a path is right, of which all speaks; evidence of one kind makes up for little of another."""
+def log_measures(evidence: Evidence) -> tuple[float, ...]:
+    """The logarithms of what speaks for a path, all of it positive, in the order of LOGISTIC's weights."""
+    return tuple(math.log(measure) for measure in (evidence.rest, evidence.mirror, evidence.focus))
+
+
+def log_odds(evidence: Evidence) -> float:
+    """The logarithm of the odds that a path is right; all of what speaks for it is positive."""
     constant, *weights = LOGISTIC
-    measures = evidence.rest, evidence.mirror, evidence.focus
-    return constant + sum(weight * math.log(measure) for weight, measure in zip(weights, measures, strict=True))
+    return constant + sum(weight * each for weight, each in zip(weights, log_measures(evidence), strict=True))
 
 
 def across(path: Trajectory) -> Trajectory:

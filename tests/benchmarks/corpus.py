@@ -59,7 +59,7 @@ ROLL, COMPRESSED, LOGGED = 2 / 3, 1 / 3, 1 / 2  # shares of the stills
 LONGEST = 0.1  # s, more than any still's interval
 DRAWS = 8  # of a motion that a photograph is large enough for
 WORTH, KEPT, HARM = 1.0, 0.8, 0.1  # dB of known gain that count; share of it that is enough; dB below the input that are harm
-NEAR = 0.15, 1.0  # of the blur, and px
+NEAR = 0.15, 1.0  # of the blur, and px, by which a path may be off for it to count as found
 STAGES = ("search", "verdict", "latent image")  # in which a still can be lost
 TIMES = 65  # at which paths are compared
 RESAMPLES = 2000  # of the bootstrap
@@ -204,17 +204,13 @@ def judged(row: dict) -> dict:
     return row if enough or not Verdict[row["verdict"]].deblurred else {**row, "verdict": "UNEXPLAINED", "gain_db": 0.0}
 
 
-def near(blur: float) -> float:
-    """px by which a path may be off for it to count as found, of a still with so many px of blur."""
-    return max(NEAR[0] * blur, NEAR[1])
-
-
 def lost(row: dict) -> str:
     """Where a still that is worth restoring was lost; nothing where it was not."""
     gain, worth = row["gain_db"], row["known_tv_gain_db"]
     if worth < WORTH or gain > KEPT * worth:
         return ""
-    if row["path_error_px"] > near(row["blur_px"]):
+    near = max(NEAR[0] * row["blur_px"], NEAR[1])
+    if row["path_error_px"] > near:
         return "search"
     return "latent image" if row["verdict"] == "RESTORED" else "verdict"
 

@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import published
+from corpus import NEAR
 from jaxtyping import Float
 from scipy.optimize import minimize
 
 from rsvideo.restoration.evidence import Evidence
-from rsvideo.restoration.verdict import odds
+from rsvideo.restoration.verdict import log_measures, log_odds
 
-NEAR, LEAST_ERROR = 0.15, 0.3  # of the blur, and px, by which a right path may be off
-MEASURES = "rest", "mirror", "focus"
+LEAST_ERROR = 0.3  # px by which a right path may be off, however short the blur
 LEAST = {"rest": 0.02, "mirror": 0.3, "focus": 0.5}  # of a measure: its logarithm is taken
 RIDGE = 0.05  # of the weights, which few stills would else exaggerate
 BANDS = (-np.inf, -2.0, -1.0, 0.0, 1.0, 2.0, np.inf)  # of the odds' logarithm
@@ -63,11 +63,11 @@ def main() -> None:
     for half in ("choose", "report"):
         if some := [row for row in stills if row["half"] == half]:
             seen = [floored(row) for row in some]
-            right = np.array([row["path_error_px"] <= max(NEAR * row["blur_px"], LEAST_ERROR) for row in some], float)
+            right = np.array([row["path_error_px"] <= max(NEAR[0] * row["blur_px"], LEAST_ERROR) for row in some], float)
             if half == "choose":
-                weights = fitted(np.log([[getattr(each, name) for name in MEASURES] for each in seen]), right)
-                print("constant, " + ", ".join(MEASURES) + ": " + ", ".join(f"{weight:.2f}" for weight in weights) + "\n")
-            rows += calibration(half, np.array([odds(each) for each in seen]), right)
+                weights = fitted(np.array([log_measures(each) for each in seen]), right)
+                print("constant, " + ", ".join(LEAST) + ": " + ", ".join(f"{weight:.2f}" for weight in weights) + "\n")
+            rows += calibration(half, np.array([log_odds(each) for each in seen]), right)
     published.print_rows(rows)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from rsvideo.frame import Verdict
 from rsvideo.restoration.evidence import Evidence
-from rsvideo.restoration.verdict import CONFIDENT, FOCUS, MIRROR, REST, REST_UNDIRECTED, WOBBLE, believed, odds
+from rsvideo.restoration.verdict import CONFIDENT, FOCUS, MIRROR, REST, REST_UNDIRECTED, WOBBLE, believed, log_odds
 
 GOOD = Evidence(rest=2 * REST_UNDIRECTED, mirror=2 * MIRROR, wobble=2 * WOBBLE, focus=2 * FOCUS)
 
@@ -38,8 +38,8 @@ def test_where_the_scanlines_do_not_sway_the_direction_does_not_matter() -> None
 @pytest.mark.parametrize("name", ["rest", "mirror", "focus"])
 def test_a_path_is_followed_if_it_is_twice_as_likely_right_as_wrong(name: str) -> None:
     faint = Evidence(rest=0.12, mirror=3.5, wobble=2 * WOBBLE, focus=5.0)
-    assert odds(faint) < CONFIDENT
+    assert log_odds(faint) < CONFIDENT
     assert believed(faint) is Verdict.UNEXPLAINED
     plain = replace(faint, **{name: 2 * getattr(faint, name)})
-    assert odds(plain) > CONFIDENT
+    assert log_odds(plain) > CONFIDENT
     assert believed(plain) is Verdict.RESTORED
