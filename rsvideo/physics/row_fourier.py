@@ -85,7 +85,8 @@ def _apply_adjoint(first, last, re, im, base, width, frequencies, count, latent_
     done = np.empty(count * latent_rows * 2 * LANES, np.float32)
     for c in range(first, last):
         gathered(y, count * rows, frequencies, c, x)
-        done[:] = 0
+        for k in range(len(done)):
+            done[k] = 0
         for i in range(rows):
             row = (c * rows + i) * width * LANES
             for s in range(count):

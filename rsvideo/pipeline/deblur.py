@@ -15,6 +15,10 @@ from rsvideo.progress import Observer
 
 def carry_out(task: Task, observe: Observer) -> Outcome:
     """Restore and write, in this process; all of it on the processor where a GPU's memory does not do."""
+    if task.settings.splittings:
+        from rsvideo.solvers import ahead
+
+        ahead.begin()
     try:
         return _kind(task).carry_out(task, observe)
     except MemoryError as error:

@@ -78,15 +78,15 @@ def sparsity(
 
 @no_type_check
 @loop()
-def _sensitivity(first, last, m, mx, latent, lx, top, left, offsets, residual, km, out):
+def _sensitivity(first, last, m, mx, latent, lx, top, left, offsets, least, greatest, residual, km, out):
     """<dK m, r> - <K m, dK l> for a unit displacement of each path sample, by linear interpolation.
 
     Path samples lie close together: the products at whole displacements serve all samples about them.
     """
     cols, samples = residual.shape[1], offsets.shape[1]
     for i in range(first, last):
-        lowest, leftmost = int(np.floor(offsets[i, :, 1].min())), int(np.floor(offsets[i, :, 0].min()))
-        high, wide = int(offsets[i, :, 1].max()) - lowest + 2, int(offsets[i, :, 0].max()) - leftmost + 2
+        leftmost, lowest = least[i, 0], least[i, 1]
+        wide, high = greatest[i, 0] - leftmost + 2, greatest[i, 1] - lowest + 2
         summed = np.zeros((high, wide), np.bool_)
         plain = np.empty((high, wide), np.float32)  # <m, r> - <K m, l> of the scanline at a whole displacement
         slope = np.empty((high, wide), np.float32)  # and with the derivatives of m and l along rows
@@ -161,6 +161,8 @@ def _tile_objective(
         op.top,
         op.left,
         offsets,
+        np.floor(offsets.min(axis=1)).astype(int),
+        offsets.max(axis=1).astype(int),
         np.ascontiguousarray((data - blurred)[:, columns]),
         np.ascontiguousarray(km[:, columns]),
         out,

@@ -198,6 +198,7 @@ _COUNTED = np.flatnonzero(_TIMES)
 _SPARE = -len(_COUNTED) % LANES  # of the last lanes
 _TAKEN = np.concatenate([_COUNTED, np.full(_SPARE, _COUNTED[0])])  # the frequencies that count, and one of them where lanes are to spare
 _COUNT = np.concatenate([_TIMES.ravel()[_COUNTED], np.zeros(_SPARE, np.float32)])  # where it does not count
+_WHOLE = _COUNT.sum()
 _PHI = np.ascontiguousarray(_FEATURES[:, _TAKEN])
 _PAIRS = (_PHI[:, None] * _PHI).reshape(-1, len(_TAKEN))
 _MEAN = np.array([0.0, FALL, 0.0, 0.0, 0.0])
@@ -218,7 +219,7 @@ def _whittle(
     """The misfit for |k|^2 = `dark`, the betas at their best, and its derivative in `dark`."""
     power, noise = observed
     misfit, slope = np.empty(len(power)), np.empty_like(power)
-    flat = (power.ravel(), noise, _counted(dark).ravel(), _PHI.ravel(), _PAIRS.ravel(), _COUNT, misfit, slope.ravel())
+    flat = (power.ravel(), noise, _counted(dark).ravel(), _PHI.ravel(), _PAIRS.ravel(), _COUNT, _WHOLE, misfit, slope.ravel())
     spread(_fitted, len(power), *flat)
     by_dark = np.zeros((len(dark), dark[0].size), np.float32)
     by_dark[:, _COUNTED] = slope[:, : len(_COUNTED)] * weight[:, None].astype(np.float32)
@@ -227,15 +228,16 @@ def _whittle(
 
 @no_type_check
 @loop(fastmath=False)
-def _fitted(first, last, power, noise, dark, phi, pairs, times, misfit, slope):
+def _fitted(first, last, power, noise, dark, phi, pairs, times, whole, misfit, slope):
     """Newton's method for each part's beta, and what it leads to."""
     count, features = len(times), len(phi) // len(times)
     signal, along, bend = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
     beta, gradient, curvature = np.empty(features), np.empty(features), np.empty((features, features))
-    whole, one, two = times.sum(), alike(np.float32(1)), alike(np.float32(2))
+    one, two = alike(np.float32(1)), alike(np.float32(2))
     for p in range(first, last):
         n, own = alike(noise[p]), p * count
-        beta[:] = _MEAN
+        for a in range(features):
+            beta[a] = _MEAN[a]
         _signal(beta, phi, dark, own, signal)
         level = alike(np.float32(0))
         for w in range(0, count, LANES):

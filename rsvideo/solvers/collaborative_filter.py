@@ -81,7 +81,8 @@ def _search(first, last, guide, ys, xs, offsets):
         y = ys[iy]
         d = np.empty(cols, np.float32)
         best = np.full((across, count), np.float32(_FAR))
-        best[:, 0] = -1  # the patch itself, whatever else equals it
+        for ix in range(across):
+            best[ix, 0] = -1  # the patch itself, whatever else equals it
         for dy in range(max(-REACH, -y), min(REACH, rows - PATCH - y) + 1):
             z = y + dy
             for dx in range(-REACH, REACH + 1):

@@ -83,7 +83,8 @@ def _shrink(first, last, latent, ux, uy, across, down, periodic, nx, ny, pull):
     _, rows, cols = latent.shape
     g, h, above = np.zeros(cols, latent.dtype), np.zeros(cols, latent.dtype), np.zeros(cols, latent.dtype)
     for s in range(first, last):
-        above[:] = 0
+        for c in range(cols):
+            above[c] = 0
         for r in range(rows):
             line, u, n = latent[s, r], ux[s, r], nx[s, r]
             for c in range(cols - 1):
@@ -103,8 +104,8 @@ def _shrink(first, last, latent, ux, uy, across, down, periodic, nx, ny, pull):
                     n[c] = min(max(v, -down), down)
                     h[c] = v - 2 * n[c]
             else:
-                n[:] = 0
-                h[:] = 0
+                for c in range(cols):
+                    n[c], h[c] = 0, 0
             out = pull[s, r]
             out[0] = g[cols - 1] - g[0] + above[0] - h[0]
             for c in range(1, cols):
