@@ -27,6 +27,10 @@ class BlurredFrame(Protocol):
         """K image, what lies beyond it continued from its borders."""
         ...
 
+    def covered(self) -> Float[np.ndarray, "rows cols"]:
+        """K^T 1 over what is data in all channels: how much of each latent pixel's light was observed, 1 where all of it was."""
+        ...
+
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""
         ...

@@ -27,6 +27,7 @@ FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are lef
 MOST = 4  # neighbours, the sharpest
 SHORTEST = 1.0  # px; no blur is counted as shorter
 PATCH = 15  # px over which a neighbour must explain the frame; origin: by trial
+LEAST_OWN = 1e-3  # of the frame's own weight, where its data show nothing: something is shown where no neighbour does, either
 DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
 BENDS = 4  # terms along the rows of what is left between two frames' poses: each path's own error within its frame
 SOFT = 1.2  # px, of the Gaussian under which two frames are compared
@@ -61,6 +62,7 @@ class Fused:
 
     latent: Float[np.ndarray, "rows cols channels"]
     explained: Float[np.ndarray, "rows cols"]  # 0 to 1; 1 also where no neighbour shows the place
+    known: Float[np.ndarray, "rows cols"]  # 0 to 1: the share that the frame's own data grant, or neighbours that count as much
 
 
 def helpful(first: PosedImage, others: Sequence[PosedImage]) -> list[PosedImage]:
@@ -68,8 +70,19 @@ def helpful(first: PosedImage, others: Sequence[PosedImage]) -> list[PosedImage]
     return sorted((o for o in others if o.weight > FAINTEST * first.weight), key=lambda o: -o.weight)[:MOST]
 
 
-def fused(frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], intrinsics: Intrinsics, noise: float) -> Fused:
-    """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'."""
+def fused(
+    frame: BlurredFrame,
+    first: PosedImage,
+    others: Sequence[PosedImage],
+    intrinsics: Intrinsics,
+    noise: float,
+    *,
+    own: Float[np.ndarray, "rows cols"] | None = None,
+) -> Fused:
+    """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'.
+
+    `own` is the share of the frame's own latent image that its data grant, 0 to 1: all of it by default. It counts by as much.
+    """
     pixels, valid = frame.observed()
     observed, unclipped = _grey(pixels), valid.min(axis=2)
 
@@ -77,16 +90,21 @@ def fused(frame: BlurredFrame, first: PosedImage, others: Sequence[PosedImage], 
         return cv2.boxFilter(unclipped * (frame.blurred(_grey(image)) - observed) ** 2, -1, (PATCH, PATCH))
 
     limit = DOUBT**2 * (misfit(first.latent) + noise**2 / 2)
-    total, weights = first.weight * first.latent, np.full(first.latent.shape[:2], first.weight, np.float32)
+    weights = first.weight * (np.ones(first.latent.shape[:2], np.float32) if own is None else np.maximum(own, LEAST_OWN))
+    total = weights[..., None] * first.latent
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
     soft = _soft(first.latent)
-    for other, (image, there) in zip(others, threads.each(lambda other: _at_pose(first, soft, other, intrinsics), others), strict=True):
-        agreement = np.asarray(there * np.exp(-misfit(image) / limit), np.float32)
-        explained, shown = np.maximum(explained, agreement), shown | there
-        weight = np.float32(other.weight) * agreement
-        total += weight[..., None] * image
-        weights += weight
-    return Fused(latent=frame.towards(total / weights[..., None], RIDGE), explained=np.where(shown, explained, np.float32(1)))
+    at_once = threads.most()  # all of them would take more memory
+    for some in (others[k : k + at_once] for k in range(0, len(others), at_once)):
+        for other, (image, there) in zip(some, threads.each(lambda other: _at_pose(first, soft, other, intrinsics), some), strict=True):
+            agreement = np.asarray(there * np.exp(-misfit(image) / limit), np.float32)
+            explained, shown = np.maximum(explained, agreement), shown | there
+            weight = np.float32(other.weight) * agreement
+            total += weight[..., None] * image
+            weights += weight
+    latent = frame.towards(total / weights[..., None], RIDGE)
+    explained = np.where(shown, explained, np.float32(1))
+    return Fused(latent=latent, explained=explained, known=np.minimum(weights / np.float32(first.weight), 1))
 
 
 def _grey(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:

@@ -23,7 +23,7 @@ from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
-from rsvideo.restoration.trust import LONG, agreement, trust
+from rsvideo.restoration.trust import LONG, agreement, observed, trust
 
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # px, from which on it is fully restored
@@ -37,11 +37,14 @@ ALONE = 0.6  # of a frame's work is done when it is restored by itself
 class _Waiting:
     """A frame restored by itself, until its neighbours are there too."""
 
-    restored: Restored
+    restored: Restored | None = None  # None once it is done
     flow: Flow | None = None
     image: PosedImage | None = None  # None where it cannot serve others, nor they it
     straight: Float[np.ndarray, "rows cols channels"] | None = None  # the frame rectified, shown where the restoration is not trusted
-    share: Float[np.ndarray, "rows cols 1"] | float | np.float32 = 1.0  # of the restoration in what is shown
+    share: Float[np.ndarray, "..."] | float = (
+        1.0  # of the restoration in what is shown, of every pixel or (rows, cols, 1); in half precision
+    )
+    own: Float[np.ndarray, "rows cols"] | None = None  # of the restoration, the share that the frame's own data grant; None: all of it
     given: bool = False  # a motion that was not estimated, which is followed whatever the neighbours show
     noise: float = 0.0  # of the frame, as its blur's model leaves it
     draft: bool = False  # whether the image is one
@@ -49,7 +52,8 @@ class _Waiting:
     def mixed(self, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
         """The restoration as far as it is trusted."""
         assert self.straight is not None
-        return np.ascontiguousarray(self.straight + np.float32(self.share) * (np.clip(latent, 0, 1) - self.straight), np.float32)
+        share = np.float32(self.share) if self.own is None else np.float32(self.share) * self.own[..., None]
+        return np.ascontiguousarray(self.straight + share * (np.clip(latent, 0, 1) - self.straight), np.float32)
 
 
 def restored(
@@ -77,6 +81,7 @@ def restored(
     def ready(k: int) -> FrameResult:
         others = [w.image for j, w in waiting.items() if j != k and abs(j - k) <= reach and group[j] == group[k] and w.image]
         done = _with_neighbours(waiting[k], others, settings).result()
+        waiting[k] = _Waiting(image=waiting[k].image)  # others need no more of it
         waiting.pop(k - reach, None)
         observe(Progress(stage="restoring", fraction=1.0, frame=done.frame.index))
         return done
@@ -153,27 +158,35 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
     how = replace(settings, quality="draft") if draft else settings
     alone = single_frame.restored(view, how, path=path, noise=noise, flow=flow)
     waiting = _Waiting(
-        restored=alone, flow=flow, straight=straight, share=moved * judged.share, given=evidence is None, noise=noise, draft=draft
+        restored=alone,
+        flow=flow,
+        straight=straight,
+        share=np.asarray(moved * judged.share, np.float16),
+        own=observed(alone.covered).astype(np.float16) if evidence and alone.covered is not None else None,
+        given=evidence is None,
+        noise=noise,
+        draft=draft,
     )
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
-    return replace(waiting, restored=replace(alone, seconds=time.monotonic() - started), image=image)
+    return replace(waiting, restored=replace(alone, latent=image.latent, covered=None, seconds=time.monotonic() - started), image=image)
 
 
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
     """The frame restored with its neighbours, and where none of them agrees, straightened only."""
     alone, image = waiting.restored, waiting.image
+    assert alone is not None
     if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
     started, view = time.monotonic(), alone.view
     others = [] if too_long(view, image.length) else helpful(image, others)
     if others:
         frame = tiled_frame(view, alone.trajectory, settings, waiting.flow)
-        both = fused(frame, image, others, view.camera.intrinsics, waiting.noise)
+        both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own)
         latent = nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent
         if not waiting.given:
-            waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None])
+            waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None], own=both.known)
     elif waiting.draft:
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=waiting.flow).latent
     else:
-        latent = alone.latent
+        return alone
     return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)

@@ -8,6 +8,7 @@ and the columns beyond its sides, like clipped pixels, are completed from the mo
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from typing import Any
 
@@ -57,7 +58,14 @@ class TileSystem:
     normal: BandedHermitian  # K^H K
     frame: Float[np.ndarray, "*channels rows cols"]
     valid: Float[np.ndarray, "*channels rows cols"]  # 1 where the sample is data, 0 where it is clipped
-    completed: Float[np.ndarray, "*channels rows period"]  # the frame, its sides joined smoothly
+
+    @cached_property
+    def completed(self) -> Float[np.ndarray, "*channels rows period"]:
+        """The frame, its sides joined smoothly."""
+        frame, op = self.frame, self.op
+        ramp = np.linspace(0, 1, op.period - op.cols + 2, dtype=np.float32)[1:-1]
+        joined = np.concatenate([frame, frame[..., -1:] * (1 - ramp) + frame[..., :1] * ramp], axis=-1)
+        return np.roll(joined, op.left, axis=-1)
 
     def roughness(self, rho: float, floor: float) -> Float[np.ndarray, " frequencies"]:
         """rho |d_x(f)|^2 + floor, the diagonal part of rho D^T D + floor I."""
@@ -90,9 +98,7 @@ def tile_system(
     op = row_fourier(offsets, frame.shape[-1], weights=weights)
     re, im = op.gram()
     normal = BandedHermitian(re=re, im=im, frequencies=op.frequencies)
-    ramp = np.linspace(0, 1, op.period - op.cols + 2, dtype=np.float32)[1:-1]
-    joined = np.concatenate([frame, frame[..., -1:] * (1 - ramp) + frame[..., :1] * ramp], axis=-1)
-    return TileSystem(op=op, normal=normal, frame=frame, valid=valid, completed=np.roll(joined, op.left, axis=-1))
+    return TileSystem(op=op, normal=normal, frame=frame, valid=valid)
 
 
 def exact_update(system: TileSystem, rho: float) -> LatentUpdate[np.ndarray]:
@@ -149,6 +155,25 @@ class TiledFrame:
             out[:, tile.start : tile.stop] = b[:, system.op.left + tile.start - tile.first : system.op.left + tile.stop - tile.first]
 
         self._of_each(blur, self.cut)
+        return out
+
+    def covered(self) -> Float[np.ndarray, "rows cols"]:
+        """K^T 1 over what is data in all channels: how much of each latent pixel's light was observed, 1 where all of it was."""
+        data = self.valid.min(axis=2)
+        out = np.empty_like(data)
+
+        def cover(tile: Tile, system: TileSystem) -> None:
+            op, end = system.op, system.op.left + system.op.cols
+            known = np.zeros((op.rows, op.period), np.float32)
+            known[:, op.left : end] = data[:, tile.first : tile.last]
+            if tile.first:  # the frame goes on beyond the tile
+                known[:, : op.left] = known[:, op.left, None]
+            if tile.last < data.shape[1]:
+                known[:, end:] = known[:, end - 1, None]
+            light = op.image(op.adjoint(op.spectrum(known)))[op.top : op.top + op.rows, op.left : end]
+            out[:, tile.start : tile.stop] = light[:, tile.start - tile.first : tile.stop - tile.first]
+
+        self._of_each(cover, self.cut)
         return out
 
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:

@@ -4,6 +4,7 @@ import math
 import time
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -33,6 +34,9 @@ class Restored:
     verdict: Verdict
     seconds: float
     convergence: tuple[float, ...] = ()
+    covered: Float[np.ndarray, "rows cols"] | None = (
+        None  # how much of each latent pixel's light was observed; None where nothing was solved
+    )
 
     def result(self) -> FrameResult:
         """The same in the stored frame's axes."""
@@ -88,22 +92,26 @@ def restored(
     """What `restore` answers, all along the scanlines; `noise` counts in place of the view's own, if given."""
     started, timing = time.monotonic(), view.camera.timing
     found = _found(view, settings, start, estimate, observe) if path is None else _Found(trajectory=path, verdict=Verdict.RESTORED)
-    path, latent, verdict = centred(found.trajectory, timing.middle), view.pixels, found.verdict
+    path, latent, verdict, covered = centred(found.trajectory, timing.middle), view.pixels, found.verdict, None
     if verdict.deblurred and resolution.too_long(view, longest(view.camera, path)):
         half = {"path": resolution.halved_path(path), "noise": None if noise is None else noise / 2, "flow": flow and flow.scaled(0.5)}
-        latent = resolution.doubled(restored(resolution.halved(view), settings, **half, observe=observe).latent, view.pixels)
+        smaller = restored(resolution.halved(view), settings, **half, observe=observe)
+        latent = resolution.doubled(smaller.latent, view.pixels)
+        assert smaller.covered is not None
+        covered = cv2.resize(smaller.covered, latent.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     elif verdict.deblurred:
         frame = tiled_frame(view, path, settings, flow)
         images = nonblind.deblur(frame, settings, view.noise if noise is None else noise)
         for step, image in enumerate(images):
             latent, done = image, step / max(settings.splittings, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
-        latent = frame.to_host(latent)
+        latent, covered = frame.to_host(latent), frame.covered()
     if verdict is Verdict.UNDIRECTED:
         read = undirected.read(view, path, latent)
         latent, verdict = (read.latent, verdict) if read.worth else (view.pixels, Verdict.UNEXPLAINED)
     seconds = time.monotonic() - started
-    return Restored(view=view, trajectory=path, latent=latent, verdict=verdict, seconds=seconds, convergence=found.values)
+    how = {"seconds": seconds, "convergence": found.values, "covered": covered}
+    return Restored(view=view, trajectory=path, latent=latent, verdict=verdict, **how)
 
 
 def _found(view: View, settings: Settings, start: ApproximatePath | None, estimate: Estimator, observe: Observer) -> _Found:

@@ -23,6 +23,7 @@ SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblur
 OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
+UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by eye
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
 FULL_VOTES = 0.005, 0.02  # s and d of a frame, beyond which they hardly count more, so that no frame outweighs many; origin: by trial
 CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
@@ -65,6 +66,11 @@ def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "r
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))
     share = np.clip((focus - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
+
+
+def observed(covered: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+    """The share of a restoration that the frame's own data grant, 0 to 1; `covered` is `BlurredFrame`'s."""
+    return np.clip((covered - UNOBSERVED) / (OBSERVED - UNOBSERVED), 0, 1).astype(np.float32)
 
 
 def agreement(explained: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:

@@ -35,6 +35,7 @@ THRESHOLD = 2.7  # standard deviations below which a coefficient is held to be n
 
 _AREA = PATCH * PATCH  # a group is flat, two patches side by side: group[(pair, row, patch, column)], a row of both in lanes
 _STRIP = 12  # rows of reference patches that share one strip
+_STRIPS = 8  # that are filtered before their sums are added up
 _BLOCK = 24  # reference patches of such a row whose transforms are held at a time: they are to stay in the processor's caches
 _HALF = np.float32(np.sqrt(0.5))
 _C1, _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(0.5 * np.cos(k * np.pi / 16)) for k in range(1, 8))
@@ -51,10 +52,10 @@ class Matches:
     A group is the nearest GROUP patches however far they are: leaving out the unlike ones measures worse.
     """
 
-    shape: tuple[int, int]
-    """rows, cols of the image, px"""
-    offsets: Int[np.ndarray, "down across group 2"]
-    """(rows, cols) from each reference patch to its group, most alike first, itself at the head, px"""
+    shape: tuple[int, int]  # rows, cols of the image, px
+    offsets: Int[
+        np.ndarray, "down across group 2"
+    ]  # px (rows, cols) from each reference patch to its group, most alike first, from itself on
 
 
 @no_type_check
@@ -289,11 +290,11 @@ def _back(table, places, weight, back, summed, share, left, width):
 
 @no_type_check
 @loop()
-def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, ends, across, back, summed, share):
-    """Filters every group; summed and share are (strips, channels, lines, cols), zero on entry."""
+def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, row, tops, ends, across, back, summed, share):
+    """Filters every group of the strips from reference row `row` on; summed and share are (strips, channels, lines, cols), zero before."""
     channels, _, cols = image.shape
     count = offsets.shape[2]
-    g, p = np.empty(max(count, 2) * _AREA, np.float32), np.empty(max(count, 2) * _AREA, np.float32)
+    g, p = np.empty((2, max(count, 2) * _AREA), np.float32)
     for s in range(first, last):
         lines = ends[s] - tops[s]
         blocks = -(-len(xs) // _BLOCK)
@@ -307,7 +308,7 @@ def _filter(first, last, image, pilot, offsets, ys, xs, sigma, wiener, tops, end
             weight = np.zeros((lines, places), np.float32)
             _columns(image[c, :, left:right], tops[s], across, table)
             _columns(pilot[c, :, left:right], tops[s], across, guess)
-            for iy in range(s * _STRIP, min(len(ys), (s + 1) * _STRIP)):
+            for iy in range(row + s * _STRIP, min(len(ys), row + (s + 1) * _STRIP)):
                 if c and not of_colour(iy, len(ys)):
                     continue
                 for ix in range(begin, end):
@@ -384,15 +385,16 @@ def denoise(
     first = np.arange(0, len(ys), _STRIP)
     last = np.minimum(first + _STRIP, len(ys)) - 1
     tops, ends = np.maximum(ys[first] - REACH, 0), np.minimum(ys[last] + REACH + PATCH, rows)
-    summed = np.zeros((len(tops), channels, int((ends - tops).max()), cols), np.float32)
-    share = np.zeros_like(summed)
-    guess = planes if pilot is None else _planes(pilot)
+    guess = planes if pilot is None or pilot is image else _planes(pilot)
     how = (np.float32(sigma), pilot is not None)
     across, back = (np.ascontiguousarray(np.concatenate([half, half], axis=1), np.float32).ravel() for half in (DCT.T, DCT))
-    spread(_filter, len(tops), planes, guess, matches.offsets, ys, xs, *how, tops, ends, across, back, summed, share)
     top_sum, weight_sum = np.zeros_like(planes), np.zeros_like(planes)
-    for s, (top, end) in enumerate(zip(tops, ends, strict=True)):
-        top_sum[:, top:end] += summed[s, :, : end - top]
-        weight_sum[:, top:end] += share[s, :, : end - top]
+    for begin in range(0, len(tops), _STRIPS):  # each has sums of its own, so that threads need not wait for one another
+        top, end = tops[begin : begin + _STRIPS], ends[begin : begin + _STRIPS]
+        summed, share = np.zeros((2, len(top), channels, int((end - top).max()), cols), np.float32)
+        spread(_filter, len(top), planes, guess, matches.offsets, ys, xs, *how, begin * _STRIP, top, end, across, back, summed, share)
+        for s, lines in enumerate(map(slice, top, end)):
+            top_sum[:, lines] += summed[s, :, : end[s] - top[s]]
+            weight_sum[:, lines] += share[s, :, : end[s] - top[s]]
     top_sum /= weight_sum
     return cv2.transform(cv2.merge([*top_sum]), OPPONENT.T) if channels == 3 else top_sum.reshape(image.shape)

@@ -19,6 +19,7 @@ from tests.pipeline.moving import RATE, Moving
 from tests.restoration.swaying import BEGINS, END, TIMING, sway
 
 STRANGER = np.s_[20:76, 50:110]
+OBSERVED = np.s_[24:-24, 24:-24]  # away from the borders, where a frame's own data show less of what moves in
 
 
 def pieces(path: Trajectory, timing: ShutterTiming) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
@@ -159,5 +160,24 @@ def test_a_frame_without_neighbours_is_restored_by_itself_as_far_as_it_is_truste
 
     whole = single_frame.restore(to_scanlines(frames[2], camera), Settings(), trajectory=one.within[0]).latent
     quarter, half, full = (shown(trusted) for trusted in (0.25, 0.5, 1.0))
-    np.testing.assert_allclose(full, np.clip(whole, 0, 1), atol=1e-5)
+    np.testing.assert_allclose(full[OBSERVED], np.clip(whole, 0, 1)[OBSERVED], atol=1e-5)
     np.testing.assert_allclose(full - half, 2 * (half - quarter), atol=1e-5)
+
+
+@pytest.mark.usefixtures("in_focus")
+def test_what_neither_the_frame_nor_a_neighbour_observed_is_only_straightened(monkeypatch: pytest.MonkeyPatch) -> None:
+    moving, frames, found = with_a_stranger()
+    clipped = frames[2].clipped.copy()
+    clipped[30:60, 40:90] = True
+    frames[2] = replace(frames[2], clipped=clipped)
+    camera, settings, hidden = taken_by(moving), Settings(prior="tv"), np.s_[40:50, 58:72]
+
+    def shown(first: int, last: int) -> np.ndarray:
+        return list(multi_frame.restored(frames[first:last], found.part(first, last), camera, settings))[2 - first].latent
+
+    with_neighbours, alone = shown(0, 5), shown(2, 3)
+    monkeypatch.setattr(multi_frame, "trust", lambda scene, *_: np.full(scene.frame.shape, 1e-6, np.float32))
+    monkeypatch.setattr(multi_frame, "LEAST_SHARE", 0.0)
+    straight = shown(2, 3)
+    np.testing.assert_allclose(alone[hidden], straight[hidden], atol=1e-4)
+    assert np.abs(with_neighbours[hidden] - straight[hidden]).mean() > 0.01

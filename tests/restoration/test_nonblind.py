@@ -248,3 +248,19 @@ def test_blocks_that_compression_leaves_ring_less_than_noise_alone_would_let_the
     means = blocks.mean(axis=(1, 3), keepdims=True)
     coarse = (means + np.round((blocks - means) * 20) / 20).reshape(case.blurred.shape).astype(np.float32)
     assert psnr(restored(coarse, SHIFT, noise=1e-3), case.truth) > psnr(coarse, case.truth)
+
+
+@pytest.mark.parametrize("least", [1, 3])
+def test_what_is_observed_of_a_latent_image_is_the_adjoint_of_what_is_data(monkeypatch, least) -> None:
+    tiles_for = nonblind.cut_for
+    monkeypatch.setattr(nonblind, "cut_for", lambda *words, **named: tiles_for(*words, **{**named, "least": least}))
+    rng = np.random.default_rng(0)
+    pixels, clipped = taken(SHIFT).blurred, np.zeros((ROWS, COLS, 3), bool)
+    clipped[30:50, 60:100, 1] = True
+    frame = tiled(pixels, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    covered, latent = frame.covered(), np.zeros((ROWS, COLS), np.float32)
+    latent[16:-16, 16:-16] = rng.random((ROWS - 32, COLS - 32))
+    light = float((frame.blurred(latent) * ~clipped.any(axis=2)).sum())
+    assert light == pytest.approx(float((latent * covered).sum()), rel=1e-5 if least == 1 else 2e-3)
+    assert covered[75:85, 30:-30] == pytest.approx(1, abs=0.1)  # scanlines lie closer here than there
+    assert max(covered[36:44, 70:90].max(), covered[:2].min(), covered[-2:].min(), covered[:, :2].min(), covered[:, -2:].min()) < 0.6

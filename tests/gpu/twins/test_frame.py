@@ -59,6 +59,7 @@ def test_the_blur_and_what_fusion_solves_are_the_processors() -> None:
     pixels = picture(1)
     np.testing.assert_allclose(there.blurred(pixels[..., 0]), here.blurred(pixels[..., 0]), atol=2e-6)
     np.testing.assert_allclose(there.towards(pixels[::-1].copy(), 0.6), here.towards(pixels[::-1].copy(), 0.6), atol=5e-6)
+    np.testing.assert_allclose(there.covered(), here.covered(), atol=5e-6)
     for one, other in zip(there.observed(), here.observed(), strict=True):
         np.testing.assert_array_equal(one, other)
 
