@@ -89,8 +89,7 @@ def simulate(
         >>> shot.trajectory.at(shot.timing.interval[1]).round(6).tolist()  # px right, px down, rad of roll; 0 in the middle
         [3.0, 0.0, 0.0]
     """
-    light = arrays.light("sharp", sharp, arrays.curve(sharp, transfer) or Transfer.SRGB)
-    facts = _facts(camera)
+    light, facts = arrays.light("sharp", sharp, arrays.curve(sharp, transfer) or Transfer.SRGB), _facts(camera)
     staged = _staged(light, shutter, camera, facts, motion=_motion(motion, seed), size=size, blur_px=blur_px)
     shot = {"camera": staged.camera, "timing": staged.timing, "trajectory": staged.trajectory}
     rng = np.random.default_rng([seed, 1])  # not the hand's numbers

@@ -296,6 +296,8 @@ def camera_of(
                 f"focal-px must be at least {_WIDEST * longer:g} px for a picture whose longer side is {longer} px, got {focal:g};"
                 " is it in millimetres? pixels = millimetres * width of the picture in pixels / width of the sensor in millimetres"
             )
+        if profile and profile.intrinsics and profile.intrinsics.distortion:
+            notes = (f"the distortion of {profile.profile} is not used, since --focal-px states another lens; leave it out",)
     elif profile and profile.intrinsics:
         return sidecar.Camera.of(profile.intrinsics, profile.profile, profile.noise), ()
     elif focal_fact is not None:

@@ -23,6 +23,7 @@ Light = Float32[np.ndarray, "rows cols channels"]  # 3, or 1 of a grey picture
 
 _KR_KB = {Matrix.BT601: (0.299, 0.114), Matrix.BT709: (0.2126, 0.0722), Matrix.BT2020: (0.2627, 0.0593)}  # H.273, table 4
 _ENTRIES = 1 << 16  # of a table, evenly spaced
+_SUPERWHITE = 6.5  # steps below the highest code of the limited range: cameras that use codes above white are full a few codes below it
 _BELOW, _ABOVE = 1.5, 4.0  # steps of 8 bits about white that count as clipped: what a codec makes of a plateau
 
 
@@ -196,7 +197,8 @@ def _clipped(primed: np.ndarray, colour: Colour) -> np.ndarray:
     step = 1 / 255 if colour.full_range else 1 / 219
     if colour.depth > 8:
         step /= 2
-    full = primed >= (_highest(colour) - _BELOW * step if colour.saturation is None else colour.saturation)
+    below = _BELOW if colour.full_range or colour.transfer.logarithmic else _SUPERWHITE
+    full = primed >= (_highest(colour) - below * step if colour.saturation is None else colour.saturation)
     if colour.full_range or colour.transfer.logarithmic:
         return full
     return full | ((primed >= 1 - _BELOW * step) & (primed <= 1 + _ABOVE * step))

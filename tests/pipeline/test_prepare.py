@@ -90,8 +90,9 @@ def test_a_profiles_distortion_and_noise_reach_the_work(source: Path) -> None:
     taken = task(source, camera=camera).treatment.camera
     assert taken.intrinsics.distortion == Distortion(model="fisheye", coefficients=(0.1, 0, 0, 0))
     assert taken.noise == Noise(read=0.002, shot=1e-4)
-    taken = task(source, camera={**camera, "focal_px": 100}).treatment.camera  # whose distortion is not known
-    assert taken.intrinsics.distortion is None
+    other = task(source, camera={**camera, "focal_px": 100})  # whose distortion is not known
+    assert other.treatment.camera.intrinsics.distortion is None
+    assert any("the distortion of" in note for note in other.notes)
     assert taken.noise == Noise(read=0.002, shot=1e-4)
 
 

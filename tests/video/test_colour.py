@@ -140,7 +140,14 @@ def test_log_curves_are_read_by_whole_codes_in_limited_range_too() -> None:
 
 
 def test_a_plateau_at_white_and_the_top_codes_count_as_clipped() -> None:
-    for code, full, expected in [(235, False, True), (237, False, True), (228, False, False), (245, False, False), (254, False, True)]:
+    for code, full, expected in [
+        (235, False, True),
+        (237, False, True),
+        (228, False, False),
+        (245, False, False),
+        (250, False, True),
+        (254, False, True),
+    ]:
         assert light(grey(code), colour("yuv420p", full=full))[1].all() == expected, code
     assert light(grey(254), colour("yuv420p", full=True))[1].all()
     assert not light(grey(250), colour("yuv420p", full=True))[1].any()
