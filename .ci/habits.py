@@ -20,8 +20,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("rsvideo", "calibration")
 
-MOST_LINES_OF_A_FILE = 400
-MOST_LINES_OF_A_FUNCTION = 60  # its signature and docstring count, its decorators do not
+MOST_LINES_OF_A_FILE = 399
+MOST_LINES_OF_A_FUNCTION = 59  # its signature and docstring count, its decorators do not
 SLOWEST_IMPORT = 2.0  # seconds; 0.3 on a quiet machine, the rest is for a busy one
 STARTS = 5  # fresh interpreters; the median is printed
 

@@ -97,8 +97,7 @@ def _solve(factor, rows, chunk, right, x):
     """x = (R^H R)^-1 right, both (batches, sides, rows, frequencies); system = batch * frequencies + frequency."""
     s, t, threads = cuda.blockIdx.x, cuda.threadIdx.x, cuda.blockDim.x
     width, sides, frequencies = factor.shape[1] // rows, right.shape[1], right.shape[3]
-    k, f = s // frequencies, s % frequencies
-    R, b, y = factor[s], right[k], x[k]
+    f, R, b, y = s % frequencies, factor[s], right[s // frequencies], x[s // frequencies]
     ring = chunk + width  # rows of x that are at hand, in turn
     shared = cuda.shared.array(0, complex64)
     held, z = shared[: chunk * width], shared[chunk * width : chunk * width + ring * sides]

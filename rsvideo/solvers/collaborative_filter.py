@@ -53,9 +53,7 @@ class Matches:
     """
 
     shape: tuple[int, int]  # rows, cols of the image, px
-    offsets: Int[
-        np.ndarray, "down across group 2"
-    ]  # px (rows, cols) from each reference patch to its group, most alike first, from itself on
+    offsets: Int[np.ndarray, "down across group 2"]  # px (rows, cols) from each reference patch to its group, itself and the likest first
 
 
 @no_type_check
