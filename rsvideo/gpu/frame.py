@@ -221,15 +221,15 @@ class DeviceFrame:
         """K^T 1 over what is data in all channels: how much of each latent pixel's light was observed, 1 where all of it was."""
         data = self._data.min(axis=0)
         rows, cols = data.shape
-        known = xp.zeros((len(self.cut), 1, rows, self.reach.period), xp.float32)
+        shown = xp.zeros((len(self.cut), 1, rows, self.reach.period), xp.float32)
         for t, tile in enumerate(self.cut):
             end = self.reach.left + tile.last - tile.first
-            known[t, 0, :, self.reach.left : end] = data[:, tile.first : tile.last]
+            shown[t, 0, :, self.reach.left : end] = data[:, tile.first : tile.last]
             if tile.first:  # the frame goes on beyond the tile
-                known[t, 0, :, : self.reach.left] = data[:, tile.first, None]
+                shown[t, 0, :, : self.reach.left] = data[:, tile.first, None]
             if tile.last < cols:
-                known[t, 0, :, end:] = data[:, tile.last - 1, None]
-        whole = self._of_all(lambda system, some: system.op.image(system.op.adjoint(system.op.spectrum(known[some]))))
+                shown[t, 0, :, end:] = data[:, tile.last - 1, None]
+        whole = self._of_all(lambda system, some: system.op.image(system.op.adjoint(system.op.spectrum(shown[some]))))
         out = np.empty((rows, cols), np.float32)
         for tile, light in zip(self.cut, whole, strict=True):
             own = arrays.to_host(self._crop(light, tile)[0])

@@ -62,7 +62,7 @@ class Fused:
 
     latent: Float[np.ndarray, "rows cols channels"]
     explained: Float[np.ndarray, "rows cols"]  # 0 to 1; 1 also where no neighbour shows the place
-    known: Float[np.ndarray, "rows cols"]  # 0 to 1: the share that the frame's own data grant, or neighbours that count as much
+    support: Float[np.ndarray, "rows cols"]  # 0 to 1: the share that the frame's own data grant, or neighbours that count as much
 
 
 def helpful(first: PosedImage, others: Sequence[PosedImage]) -> list[PosedImage]:
@@ -104,7 +104,7 @@ def fused(
             weights += weight
     latent = frame.towards(total / weights[..., None], RIDGE)
     explained = np.where(shown, explained, np.float32(1))
-    return Fused(latent=latent, explained=explained, known=np.minimum(weights / np.float32(first.weight), 1))
+    return Fused(latent=latent, explained=explained, support=np.minimum(weights / np.float32(first.weight), 1))
 
 
 def _grey(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:

@@ -41,9 +41,7 @@ class _Waiting:
     flow: Flow | None = None
     image: PosedImage | None = None  # None where it cannot serve others, nor they it
     straight: Float[np.ndarray, "rows cols channels"] | None = None  # the frame rectified, shown where the restoration is not trusted
-    share: Float[np.ndarray, "..."] | float = (
-        1.0  # of the restoration in what is shown, of every pixel or (rows, cols, 1); in half precision
-    )
+    share: Float[np.ndarray, "..."] | float = 1.0  # of the restoration in what is shown, of all pixels or (rows, cols, 1)
     own: Float[np.ndarray, "rows cols"] | None = None  # of the restoration, the share that the frame's own data grant; None: all of it
     given: bool = False  # a motion that was not estimated, which is followed whatever the neighbours show
     noise: float = 0.0  # of the frame, as its blur's model leaves it
@@ -184,7 +182,7 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
         both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own)
         latent = nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent
         if not waiting.given:
-            waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None], own=both.known)
+            waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None], own=both.support)
     elif waiting.draft:
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=waiting.flow).latent
     else:

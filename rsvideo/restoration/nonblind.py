@@ -164,13 +164,13 @@ class TiledFrame:
 
         def cover(tile: Tile, system: TileSystem) -> None:
             op, end = system.op, system.op.left + system.op.cols
-            known = np.zeros((op.rows, op.period), np.float32)
-            known[:, op.left : end] = data[:, tile.first : tile.last]
+            shown = np.zeros((op.rows, op.period), np.float32)
+            shown[:, op.left : end] = data[:, tile.first : tile.last]
             if tile.first:  # the frame goes on beyond the tile
-                known[:, : op.left] = known[:, op.left, None]
+                shown[:, : op.left] = shown[:, op.left, None]
             if tile.last < data.shape[1]:
-                known[:, end:] = known[:, end - 1, None]
-            light = op.image(op.adjoint(op.spectrum(known)))[op.top : op.top + op.rows, op.left : end]
+                shown[:, end:] = shown[:, end - 1, None]
+            light = op.image(op.adjoint(op.spectrum(shown)))[op.top : op.top + op.rows, op.left : end]
             out[:, tile.start : tile.stop] = light[:, tile.start - tile.first : tile.stop - tile.first]
 
         self._of_each(cover, self.cut)

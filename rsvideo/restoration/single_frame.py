@@ -34,9 +34,7 @@ class Restored:
     verdict: Verdict
     seconds: float
     convergence: tuple[float, ...] = ()
-    covered: Float[np.ndarray, "rows cols"] | None = (
-        None  # how much of each latent pixel's light was observed; None where nothing was solved
-    )
+    covered: Float[np.ndarray, "rows cols"] | None = None  # of each latent pixel's light, the part observed; None: nothing was solved
 
     def result(self) -> FrameResult:
         """The same in the stored frame's axes."""
