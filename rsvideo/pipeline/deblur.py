@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+from rsvideo.config.method import Method
 from rsvideo.config.sidecar import Mark
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished, Outcome
 from rsvideo.pipeline.prepare import Task
@@ -15,7 +16,7 @@ from rsvideo.progress import Observer
 
 def carry_out(task: Task, observe: Observer) -> Outcome:
     """Restore and write, in this process; all of it on the processor where a GPU's memory does not do."""
-    if task.settings.splittings:
+    if task.request.deblur.method is not Method.NONE and task.settings.splittings and task.settings.device == "cpu":
         from rsvideo.solvers import ahead
 
         ahead.begin()

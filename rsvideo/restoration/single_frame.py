@@ -108,8 +108,7 @@ def restored(
         read = undirected.read(view, path, latent)
         latent, verdict = (read.latent, verdict) if read.worth else (view.pixels, Verdict.UNEXPLAINED)
     seconds = time.monotonic() - started
-    how = {"seconds": seconds, "convergence": found.values, "covered": covered}
-    return Restored(view=view, trajectory=path, latent=latent, verdict=verdict, **how)
+    return Restored(view=view, trajectory=path, latent=latent, verdict=verdict, seconds=seconds, convergence=found.values, covered=covered)
 
 
 def _found(view: View, settings: Settings, start: ApproximatePath | None, estimate: Estimator, observe: Observer) -> _Found:

@@ -197,9 +197,10 @@ def _clipped(primed: np.ndarray, colour: Colour) -> np.ndarray:
     step = 1 / 255 if colour.full_range else 1 / 219
     if colour.depth > 8:
         step /= 2
-    below = _BELOW if colour.full_range or colour.transfer.logarithmic else _SUPERWHITE
+    above_white = not (colour.full_range or colour.transfer.logarithmic)  # codes beyond nominal white
+    below = _SUPERWHITE if above_white else _BELOW
     full = primed >= (_highest(colour) - below * step if colour.saturation is None else colour.saturation)
-    if colour.full_range or colour.transfer.logarithmic:
+    if not above_white:
         return full
     return full | ((primed >= 1 - _BELOW * step) & (primed <= 1 + _ABOVE * step))
 
