@@ -154,13 +154,13 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
     noise = single_frame.model_noise(view, evidence.error if evidence else 0.0)
     draft = draft and settings.splittings > 0 and not too_long(view, length)
     how = replace(settings, quality="draft") if draft else settings
-    alone = single_frame.restored(view, how, path=path, noise=noise, flow=flow)
+    alone = single_frame.restored(view, how, path=path, noise=noise, flow=flow, coverage=evidence is not None)
     waiting = _Waiting(
         restored=alone,
         flow=flow,
         straight=straight,
         share=np.asarray(moved * judged.share, np.float16),
-        own=observed(alone.covered).astype(np.float16) if evidence and alone.covered is not None else None,
+        own=None if alone.covered is None else observed(alone.covered).astype(np.float16),
         given=evidence is None,
         noise=noise,
         draft=draft,

@@ -34,7 +34,7 @@ class Restored:
     verdict: Verdict
     seconds: float
     convergence: tuple[float, ...] = ()
-    covered: Float[np.ndarray, "rows cols"] | None = None  # of each latent pixel's light, the part observed; None: nothing was solved
+    covered: Float[np.ndarray, "rows cols"] | None = None  # of each latent pixel's light, the part observed; None: not wanted, or left
 
     def result(self) -> FrameResult:
         """The same in the stored frame's axes."""
@@ -85,25 +85,29 @@ def restored(
     flow: Flow | None = None,
     start: ApproximatePath | None = None,
     estimate: Estimator = search.estimate,
+    coverage: bool = False,
     observe: Observer = ignore,
 ) -> Restored:
-    """What `restore` answers, all along the scanlines; `noise` counts in place of the view's own, if given."""
+    """What `restore` answers, all along the scanlines; `noise` counts in place of the view's own, if given.
+
+    With `coverage` the answer also says how much of each latent pixel's light was observed.
+    """
     started, timing = time.monotonic(), view.camera.timing
     found = _found(view, settings, start, estimate, observe) if path is None else _Found(trajectory=path, verdict=Verdict.RESTORED)
     path, latent, verdict, covered = centred(found.trajectory, timing.middle), view.pixels, found.verdict, None
     if verdict.deblurred and resolution.too_long(view, longest(view.camera, path)):
         half = {"path": resolution.halved_path(path), "noise": None if noise is None else noise / 2, "flow": flow and flow.scaled(0.5)}
-        smaller = restored(resolution.halved(view), settings, **half, observe=observe)
+        smaller = restored(resolution.halved(view), settings, **half, coverage=coverage, observe=observe)
         latent = resolution.doubled(smaller.latent, view.pixels)
-        assert smaller.covered is not None
-        covered = cv2.resize(smaller.covered, latent.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+        if smaller.covered is not None:
+            covered = cv2.resize(smaller.covered, latent.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     elif verdict.deblurred:
         frame = tiled_frame(view, path, settings, flow)
         images = nonblind.deblur(frame, settings, view.noise if noise is None else noise)
         for step, image in enumerate(images):
             latent, done = image, step / max(settings.splittings, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
-        latent, covered = frame.to_host(latent), frame.covered()
+        latent, covered = frame.to_host(latent), frame.covered() if coverage else None
     if verdict is Verdict.UNDIRECTED:
         read = undirected.read(view, path, latent)
         latent, verdict = (read.latent, verdict) if read.worth else (view.pixels, Verdict.UNEXPLAINED)
