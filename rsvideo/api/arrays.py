@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from rsvideo.api.words import transfer_named
+from rsvideo.frame import SMALLEST
 from rsvideo.physics.tone import Tone, Transfer
 from rsvideo.stills import still
 
-SMALLEST = 32  # px a side; below, there is nothing to measure motion by
 SLACK = 0.25  # by which light may leave [0, 1] before it is taken for something else: noise and ringing leave it by less
 
 

@@ -13,7 +13,7 @@ from rsvideo.api import footage as sources
 from rsvideo.api.camera import Camera
 from rsvideo.api.files import Clip
 from rsvideo.api.footage import Footage
-from rsvideo.api.result import Result, public
+from rsvideo.api.result import Result, public, within
 from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
@@ -164,7 +164,7 @@ def _restored(shot: Footage, given: Track | None, observe: Observer) -> Iterator
     for chunk, pictures in shot.chunks():
         moving = _given(given, pictures) if given else chunks.movement(shot.treatment, pictures, shot.colour, shot.motion, observe)
         for picture, result, to_next in chunks.restored(shot.treatment, chunk, pictures, shot.colour, moving, observe):
-            latent = shot.shown(picture, result.latent if result.verdict.changed else result.frame.pixels)
+            latent = shot.shown(picture, within(result.latent) if result.verdict.changed else result.frame.pixels)
             yield public(result, latent, camera=shot.treatment.camera.intrinsics, to_next=to_next, notes=shot.notes)
 
 

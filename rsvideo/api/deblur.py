@@ -10,7 +10,7 @@ from rsvideo.api import arrays, treatment
 from rsvideo.api.arrays import Light
 from rsvideo.api.camera import Camera
 from rsvideo.api.files import Picture
-from rsvideo.api.result import Result, public
+from rsvideo.api.result import Result, public, within
 from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
@@ -75,7 +75,7 @@ def deblur(
     light, prepared = _prepared(image, Stated.of(shutter, camera, settings, transfer=transfer, moved=trajectory is not None))
     path = _curve(trajectory, prepared.treatment.camera)
     result = methods.photograph(prepared.treatment, Frame(pixels=light.pixels, clipped=light.clipped), path, observe or ignore)
-    latent = light.like_source(result.latent.astype(np.float32)) if result.verdict.deblurred else light.source.copy()
+    latent = light.like_source(within(result.latent)) if result.verdict.deblurred else light.source.copy()
     return public(result, latent, camera=prepared.treatment.camera.intrinsics, notes=prepared.notes)
 
 

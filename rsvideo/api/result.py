@@ -99,11 +99,16 @@ class Result:
         return -turned(self.camera, at_x, at_y, self.trajectory.curve.at(t))
 
 
+def within(latent: Float[np.ndarray, "..."]) -> Float32[np.ndarray, "..."]:
+    """The latent image in [0, 1]: solvers leave that range beside clipped lamps and sharp edges."""
+    return np.clip(latent, 0, 1).astype(np.float32, copy=False)
+
+
 def public(
     result: FrameResult, latent: np.ndarray, *, camera: Intrinsics, to_next: np.ndarray | None = None, notes: tuple[str, ...] = ()
 ) -> Result:
     """What the inner rooms answer, with the picture in its user's kind."""
-    light = result.latent.astype(np.float32, copy=False)
+    light = within(result.latent)
     return Result(
         latent=latent,
         light=light.reshape(latent.shape),

@@ -43,6 +43,8 @@ def test_a_picture_comes_back_in_the_kind_and_shape_that_was_given(shot: rsvideo
     assert result.latent.shape == image.shape == result.light.shape
     assert result.latent.dtype == (np.float32 if np.dtype(dtype).kind == "f" else dtype)
     assert result.light.dtype == np.float32
+    assert result.light.min() >= 0
+    assert result.light.max() <= 1
     np.testing.assert_array_equal(image, before)
     sharp = shot.truth.reshape(*shot.truth.shape, *[1] * (image.ndim - 2))
     assert np.abs(result.light - sharp).mean() < 0.6 * np.abs(shot.blurred - shot.truth).mean()

@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -26,3 +27,17 @@ def test_every_example_shows_what_it_says(name: str, monkeypatch: pytest.MonkeyP
 )
 def test_what_is_called_shows_an_example(name: str) -> None:
     assert ">>> " in (getattr(rsvideo, name).__doc__ or "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["README.md", "docs/api.md"])
+def test_what_a_page_shows_runs_as_it_stands(page: str, samples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    examples = re.findall(r"^```python\n(.*?)^```", (CHECKOUT / page).read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    assert examples
+    (tmp_path / "samples").symlink_to(samples)
+    monkeypatch.chdir(tmp_path)
+    for example in examples:
+        exec(example, {})  # of our own pages
+    latent, source = (rsvideo.read(name).pixels for name in ("restored.png", "samples/coffee/blurred.png"))
+    assert latent.shape == source.shape
+    assert (latent != source).any()
