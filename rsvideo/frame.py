@@ -9,12 +9,15 @@ from jaxtyping import Bool, Float
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 
+SMALLEST = 32  # px a side; a smaller picture has nothing to measure motion by
+
 
 class Verdict(enum.StrEnum):
     """What became of a frame; the values are the sentences a person reads."""
 
     RESTORED = "restored"
     UNDIRECTED = "deblurred, not straightened: its blur does not tell which way the camera moved"
+    DOUBTFUL = "restored in part: little speaks for the motion that its blur shows"
     STRAIGHTENED = "straightened, not deblurred: it has too little blur, or blur that its motion does not explain"
     DISAGREES = "straightened, not deblurred: the blur of its neighbours and its own does not show the exposure that is assumed"
     SHARP = "left as it was: the frame is sharp already"
@@ -30,8 +33,8 @@ class Verdict(enum.StrEnum):
 
     @property
     def deblurred(self) -> bool:
-        """Whether the frame's blur is undone, and, unless its direction is open, the displacement of its scanlines too."""
-        return self in (Verdict.RESTORED, Verdict.UNDIRECTED)
+        """Whether the frame's blur is undone, or a part of it, and, unless its direction is open, the displacement of its scanlines too."""
+        return self in (Verdict.RESTORED, Verdict.DOUBTFUL, Verdict.UNDIRECTED)
 
     @property
     def straightened(self) -> bool:

@@ -10,6 +10,7 @@ from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Request
+from rsvideo.frame import SMALLEST
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from rsvideo.video.output_format import Encoding
     from rsvideo.video.stream import Stream
 
-SMALLEST = 32  # px a side; below, there is nothing to measure motion by
 _WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
 _NO_SHUTTER = Camera(exposure=1e-3, readout=0.0, force=True)  # of the method none, which does not use it

@@ -12,7 +12,7 @@ from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import device_frame, nonblind, resolution, scanlines, search, undirected
+from rsvideo.restoration import device_frame, doubtful, nonblind, resolution, scanlines, search, undirected
 from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.correction import ApproximatePath, corrected
 from rsvideo.restoration.estimate import ESTIMATED, Estimator
@@ -108,6 +108,8 @@ def restored(
             latent, done = image, step / max(settings.splittings, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
         latent, covered = frame.to_host(latent), frame.covered() if coverage else None
+    if verdict is Verdict.DOUBTFUL:
+        latent = doubtful.restored(view, path, latent)
     if verdict is Verdict.UNDIRECTED:
         read = undirected.read(view, path, latent)
         latent, verdict = (read.latent, verdict) if read.worth else (view.pixels, Verdict.UNEXPLAINED)

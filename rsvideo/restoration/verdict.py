@@ -21,6 +21,8 @@ LOGISTIC = -0.45, 1.6, 1.6, 1.1  # logarithm of the odds that a path is right: a
 CONFIDENT = math.log(2)  # of that logarithm: a path is followed that is twice as likely right as wrong, for a wrong one costs more trust
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
+PERHAPS = -1.5  # of that logarithm, from which on a path is followed in part (restoration.doubtful)
+MIRROR_PERHAPS = 3.0  # MIRROR of such paths: one of 6 between the two leads the wrong way and loses 4 dB, none of 6 beyond
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
 COSTLIEST = 2.3  # times the frame's own energy, which rises 1.3 to 1.9 times along most true paths
 CHEAPER_ACROSS = 3.0  # times the energy along the path, which that across it must reach if the former is beyond COSTLIEST
@@ -53,13 +55,19 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 
 
 def believed(evidence: Evidence) -> Verdict:
-    """What becomes of a frame by what speaks for its path: whether it is twice as likely right as wrong, if its direction shows."""
+    """What becomes of a frame by what speaks for its path: whether it is twice as likely right as wrong, if its direction shows.
+
+    Where its direction shows plainly, but the path is less likely, the frame is restored in part.
+    """
     directed = evidence.mirror > MIRROR
     if evidence.rest <= (REST if directed else REST_UNDIRECTED) or evidence.focus <= FOCUS:
         return Verdict.UNEXPLAINED
-    if directed and log_odds(evidence) <= CONFIDENT:
-        return Verdict.UNEXPLAINED
-    return Verdict.RESTORED if directed or evidence.wobble < WOBBLE else Verdict.UNDIRECTED
+    if not directed:
+        return Verdict.RESTORED if evidence.wobble < WOBBLE else Verdict.UNDIRECTED
+    odds = log_odds(evidence)
+    if odds > CONFIDENT:
+        return Verdict.RESTORED
+    return Verdict.DOUBTFUL if odds > PERHAPS and evidence.mirror > MIRROR_PERHAPS else Verdict.UNEXPLAINED
 
 
 def log_measures(evidence: Evidence) -> tuple[float, ...]:
