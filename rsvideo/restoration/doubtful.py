@@ -1,4 +1,4 @@
-"""A frame for whose path little speaks: restored in part.
+"""A frame in whose path little confidence is due: restored in part.
 
 Along a path that is wrong, a restoration doubles edges and rings, but a part of it may still bring the frame nearer to the truth, and does
 where the path is nearly right. The other part is the frame straightened along the same path, so that edges stay single.

@@ -19,10 +19,10 @@ MIRROR = 2.0  # standard errors: about 0 +- 1 along even motions, which leave no
 LOGISTIC = -0.45, 1.6, 1.6, 1.1  # logarithm of the odds that a path is right: a constant, and what the logarithms of rest, mirror and
 # focus add; fitted by tests/benchmarks/judge.py
 CONFIDENT = math.log(2)  # of that logarithm: a path is followed that is twice as likely right as wrong, for a wrong one costs more trust
+PERHAPS = -1.5  # of that logarithm, from which on a path is followed in part (restoration.doubtful)
+MIRROR_PERHAPS = 3.0  # MIRROR of such paths: of 6 between the two one is wrong and costs 4 dB, of 6 beyond none
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
-PERHAPS = -1.5  # of that logarithm, from which on a path is followed in part (restoration.doubtful)
-MIRROR_PERHAPS = 3.0  # MIRROR of such paths: one of 6 between the two leads the wrong way and loses 4 dB, none of 6 beyond
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
 COSTLIEST = 2.3  # times the frame's own energy, which rises 1.3 to 1.9 times along most true paths
 CHEAPER_ACROSS = 3.0  # times the energy along the path, which that across it must reach if the former is beyond COSTLIEST
