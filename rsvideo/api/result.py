@@ -23,7 +23,7 @@ class Result:
     Attributes:
         latent: The sharp picture at the pose of the middle of its interval, in the shape and kind that was given: uint8 or uint16 codes,
             or float32 linear light in [0, 1]. Where nothing was restored it is the picture itself.
-            Where the verdict is UNDIRECTED its rows stay where they were read.
+            Where the verdict is UNDIRECTED its rows stay where they were read; where it is DOUBTFUL it is restored in part.
         light: The same in linear light, float32, whatever was given.
         verdict: What became of the picture; its value is the sentence that a person reads.
         trajectory: The motion that was found, or given; its pose in the middle of the interval is the origin.
