@@ -11,7 +11,7 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.rectification import rectified
 from rsvideo.restoration.scanlines import View
 
-PART = 0.6  # of the restoration; from 0.5 to 0.65 little differs
+PART = 0.6  # of the restoration; 14 stills in doubt gain 2.3 dB with 0.35 in the mean, 3.0 with 0.6, 2.7 with all of it
 
 
 def restored(view: View, path: Trajectory, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:

@@ -1,14 +1,17 @@
 """A frame for whose path little speaks is restored in part, and straightened wholly."""
 
 import numpy as np
+import pytest
 
-from rsvideo.frame import Frame
+from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
-from rsvideo.restoration import doubtful
+from rsvideo.restoration import doubtful, single_frame
+from rsvideo.restoration.estimate import Estimate
 from rsvideo.restoration.rectification import rectified
 from rsvideo.restoration.scanlines import View, to_scanlines
+from rsvideo.restoration.settings import Settings
 
 ROWS, COLS, SWAY = 80, 120, 6.0
 
@@ -44,3 +47,16 @@ def test_what_exceeds_white_in_the_restored_frame_does_not_count() -> None:
     view = _view()
     mixed = doubtful.restored(view, _path(view), np.full_like(view.pixels, 5.0))
     assert mixed.max() <= 1.1  # of Lanczos beside edges
+
+
+def test_a_frame_in_doubt_is_shown_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = _view()
+    found = Estimate(stage="path", fraction=1.0, trajectory=_path(view))
+    shown = {}
+    for verdict in (Verdict.RESTORED, Verdict.DOUBTFUL):
+        monkeypatch.setattr(single_frame, "judge", lambda *_, verdict=verdict: verdict)
+        shown[verdict] = single_frame.restored(view, Settings(prior="tv"), estimate=lambda *_: iter([found]))
+        assert shown[verdict].verdict is verdict
+    whole, part = (shown[verdict].latent for verdict in (Verdict.RESTORED, Verdict.DOUBTFUL))
+    np.testing.assert_allclose(part, doubtful.restored(view, _path(view), whole), atol=1e-5)
+    assert np.abs(part - whole).max() > 0.05
