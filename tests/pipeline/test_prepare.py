@@ -93,7 +93,7 @@ def test_a_profiles_distortion_and_noise_reach_the_work(source: Path) -> None:
     other = task(source, camera={**camera, "focal_px": 100})  # whose distortion is not known
     assert other.treatment.camera.intrinsics.distortion is None
     assert any("the distortion of" in note for note in other.notes)
-    assert taken.noise == Noise(read=0.002, shot=1e-4)
+    assert other.treatment.camera.noise == Noise(read=0.002, shot=1e-4)
 
 
 def test_the_method_none_takes_a_clip_of_any_rate(tmp_path: Path) -> None:
