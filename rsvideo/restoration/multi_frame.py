@@ -17,7 +17,7 @@ from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.rectification import rectified
+from rsvideo.restoration.rectification import mixed, rectified
 from rsvideo.restoration.resolution import too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
@@ -51,7 +51,7 @@ class _Waiting:
         """The restoration as far as it is trusted."""
         assert self.straight is not None
         share = np.float32(self.share) if self.own is None else np.float32(self.share) * self.own[..., None]
-        return np.ascontiguousarray(self.straight + share * (np.clip(latent, 0, 1) - self.straight), np.float32)
+        return mixed(self.straight, latent, share)
 
 
 def restored(

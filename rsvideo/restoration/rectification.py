@@ -26,6 +26,15 @@ def rectified(view: View, path: Trajectory, *, flow: Flow | None = None) -> View
     return view if view.camera.timing.row_time == 0 else resampled(view, sources(path, flow, view.camera))
 
 
+def mixed(
+    straight: Float[np.ndarray, "scanlines along channels"],
+    latent: Float[np.ndarray, "scanlines along channels"],
+    share: Float[np.ndarray, "..."] | np.float32,
+) -> Float32[np.ndarray, "scanlines along channels"]:
+    """The latent image with a share of 0 to 1, and for the rest the frame rectified along the same path: edges stay single."""
+    return np.ascontiguousarray(straight + share * (np.clip(latent, 0, 1) - straight), np.float32)
+
+
 def scanline_poses(path: Trajectory, camera: Camera) -> Float[np.ndarray, "scanlines axes"]:
     """The mean pose of each scanline's exposure, relative to the pose of the middle of the frame's interval."""
     timing = camera.timing
