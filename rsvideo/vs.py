@@ -23,6 +23,7 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline.chunk import in_view, planned, treated
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.pieces import Chunk
+from rsvideo.pipeline.prepare import settings_of
 from rsvideo.progress import ignore
 from rsvideo.shooting import given_motion
 from rsvideo.video import cuts, tags
@@ -115,7 +116,7 @@ def _treatment(held: record.Sidecar, settings: Settings) -> Treatment:
     timing, camera = held.timing(held.frames[0]), held.settings.camera
     return Treatment(
         method=Method.RSVIDEO,
-        settings=settings.core(),
+        settings=settings_of(*settings.sections()),
         block_rows=None,
         gyro=None,
         camera=Camera(timing=timing, intrinsics=camera.intrinsics, noise=camera.sensor_noise),

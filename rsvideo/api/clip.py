@@ -40,7 +40,8 @@ class Track:
         evidence: What points and blur tell of each frame beside its path; each is restored as far as they bear the path out. Without
             it, a motion is followed as it is.
         times: (frames,) seconds at which each frame's first row opens, counted from the first frame's.
-        timing: The shutter of every frame.
+        timing: The shutter of every frame, but for its exposure where that changes.
+        exposures: (frames,) seconds.
         camera: The lens in pixels.
         notes: What the user should know: what was assumed, and from where.
     """
@@ -51,6 +52,7 @@ class Track:
     evidence: tuple[Evidence, ...] = field(repr=False, default=())
     times: Float[np.ndarray, " frames"] = field(repr=False)
     timing: ShutterTiming
+    exposures: Float[np.ndarray, " frames"] = field(repr=False)
     camera: Intrinsics
     notes: tuple[str, ...] = ()
 
@@ -147,6 +149,7 @@ def track(
         evidence=tuple(one for part in found for one in part.evidence),
         times=np.array(times, float),
         timing=camera_found.timing,
+        exposures=np.array([each.timing.exposure for part in found for each in part.cameras(camera_found)]),
         camera=camera_found.intrinsics,
         notes=shot.notes,
     )
@@ -175,4 +178,5 @@ def _given(track: Track, pictures: list[Picture]) -> Movement:
     within = [path and path.curve for path in track.trajectories[first:last]]
     axes = next((curve.coefficients.shape[1] for curve in within if curve), 3)
     steps, tied = track.steps[first:last, :axes], track.tied[first:last].tolist()
-    return Movement(within=within, steps=steps, tied=tied, evidence=[*track.evidence[first:last]])
+    exposures = track.exposures[first:last].tolist()
+    return Movement(within=within, steps=steps, tied=tied, evidence=[*track.evidence[first:last]], exposures=exposures)

@@ -66,24 +66,9 @@ class Settings:
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
             one_of(name, getattr(self, name), get_args(choices))
-        self.core()
+        RestorationSettings(degree=self.degree)  # refuses one that no frame determines
 
-    def of_motion(self) -> dict[str, object]:
-        """What a request says of the motion."""
-        return {"model": self.motion, "degree": self.degree, "start": self.start, "refinement": self.refinement}
-
-    def of_deblur(self) -> dict[str, object]:
-        """What a request says of the sharp picture."""
-        return {"prior": self.prior, "quality": self.quality, "frames": self.frames, "device": self.device}
-
-    def core(self) -> RestorationSettings:
-        """The same for the room that restores."""
-        return RestorationSettings(
-            motion=self.motion,
-            degree=self.degree,
-            start=self.start,
-            refinement=self.refinement,
-            prior=self.prior,
-            quality=self.quality,
-            frames=self.frames,
-        )
+    def sections(self) -> tuple[request.Motion, request.Deblur]:
+        """The same as a request has it."""
+        motion = request.Motion(model=self.motion, degree=self.degree, start=self.start, refinement=self.refinement)
+        return motion, request.Deblur(prior=self.prior, quality=self.quality, frames=self.frames, device=self.device)

@@ -109,7 +109,7 @@ def prepared(stated: Stated, stored: Stored) -> Prepared:
     lens, more = prepare.camera_of(request, sources, facts, focal, focal_notes)
     treatment = Treatment(
         method=Method.RSVIDEO,
-        settings=prepare.settings_of(request),
+        settings=prepare.settings_of(request.motion, request.deblur),
         block_rows=None,
         gyro=None,
         camera=physics.Camera(timing=resolved.timing, intrinsics=camera.bent(lens.intrinsics), noise=lens.sensor_noise),
@@ -139,7 +139,8 @@ def pictures_a_second(rate: float | str | Fraction | None) -> Fraction | None:
 
 def _request(source: Path, stated: Stated) -> Request:
     """The command's request; its output is never written."""
-    shutter, camera, settings = stated.shutter, stated.camera, stated.settings
+    shutter, camera = stated.shutter, stated.camera
+    motion, deblur = stated.settings.sections()
     return Request.model_validate(
         {
             "source": source,
@@ -154,8 +155,8 @@ def _request(source: Path, stated: Stated) -> Request:
                 "focal_px": camera.focal_px,
                 "transfer": stated.transfer,
             },
-            "motion": settings.of_motion() | {"trajectory": stated.motion},
-            "deblur": settings.of_deblur(),
+            "motion": motion.model_copy(update={"trajectory": stated.motion}),
+            "deblur": deblur,
             "encoding": {"codec": "ffv1"},  # which holds all there is
         }
     )

@@ -78,6 +78,14 @@ Samples = Annotated[int, Option(min=1, max=4096, help="Time samples a row.")]
 Bits = Annotated[Literal["8", "16"] | None, Option(help="A sample of OUT. [default: as in SHARP]")]
 Curve = Annotated[Literal["srgb", "bt709", "linear"] | None, Option(help="How codes stand for light. [default: srgb]")]
 Truth = Annotated[Path | None, Option(metavar="FILE", help="The sharp frame. [default: truth beside OUT, with OUT's ending]")]
+LastExposure = Annotated[
+    str | None,
+    Option(
+        metavar="TIME",
+        help="Of --from-clip: the last frame's exposure; from --exposure on it changes evenly, as automatic exposure does."
+        " [default: --exposure]",
+    ),
+]
 Speed = Annotated[float | None, Option(metavar="N", help="Of --from-clip: its frames a frame, 1.5 or 3, for faster motion. [default: 1]")]
 FrameRate = Annotated[str | None, Option("--rate", metavar="FPS", help="Of --from-clip: frames a second, 30. [default: CLIP's]")]
 First = Annotated[int | None, Option(metavar="N", help="Of --from-clip: its first frame that is used. [default: 0]")]
@@ -113,6 +121,7 @@ def simulate(
     bits: Bits = None,
     transfer: Curve = None,
     truth: Truth = None,
+    last_exposure: LastExposure = None,
     speed: Speed = None,
     rate: FrameRate = None,
     first: First = None,
@@ -133,6 +142,7 @@ def simulate(
         if source is None:
             shutter = {"exposure": exposure, "readout": readout, "row_time": row_time, "direction": direction}
             chosen = {"speed": speed, "first": first, "frames": frames, "largest_side": largest_side, "noise": noise, "seed": seed}
+            chosen |= {"last_exposure": last_exposure}
             return simulate_clip.film(from_clip, output, shutter, rate, chosen, overwrite=overwrite)
         files, kinds = _files(output, truth, [source, gyro, polynomial, camera], overwrite=overwrite)
         optics = _optics(camera, focal_px, readout, row_time, direction, noise)

@@ -10,7 +10,7 @@ from rsvideo.cli.exit_codes import note
 from rsvideo.cli.terminal import say
 
 _OF_BOTH = {"output", "overwrite", "noise", "seed", "exposure", "readout", "row_time", "direction"}
-_OF_CLIPS = {"from_clip", "speed", "rate", "first", "frames", "largest_side"}
+_OF_CLIPS = {"from_clip", "last_exposure", "speed", "rate", "first", "frames", "largest_side"}
 
 
 def check_options(command: Callable[..., None], values: Mapping[str, Any]) -> None:
@@ -34,12 +34,14 @@ def film(
     """Make the folder, and report what was made; `shutter` and `chosen` hold None for what was not given."""
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
-    from rsvideo.config.quantity import frame_rate
+    from rsvideo.config.quantity import frame_rate, seconds
     from rsvideo.pipeline.simulated_clip import Filming, carry_out, prepare
 
     assert source is not None  # as check_options holds
     camera = options.sections({f"camera.{name}": value for name, value in shutter.items() if value is not None}).camera
     rest = {name: value for name, value in chosen.items() if value is not None}
+    if "last_exposure" in rest:
+        rest["last_exposure"] = seconds("last-exposure", rest["last_exposure"])
     with quiet.c_libraries():
         filming = Filming(source=source, camera=camera, rate=None if rate is None else frame_rate(rate), **rest)
         plan = prepare(filming, output, overwrite=overwrite)

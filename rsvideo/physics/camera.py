@@ -128,6 +128,10 @@ class Camera:
         timing = replace(self.timing, direction=Direction.TOP_TO_BOTTOM)
         return replace(self, timing=timing, intrinsics=self.intrinsics.along(self.timing.direction))
 
+    def exposed(self, seconds: float) -> "Camera":
+        """The same camera at another exposure."""
+        return replace(self, timing=replace(self.timing, exposure=seconds))
+
     def halved(self) -> "Camera":
         """The camera, along its scanlines, whose pixels are the means of two by two; an odd last row or column is left out."""
         timing, lens = self.timing, self.intrinsics

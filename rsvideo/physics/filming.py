@@ -1,13 +1,14 @@
 """Films a clip anew as a rolling-shutter camera would: the frames of a sharp clip, each taken in an instant, become blurred ones.
 
 Time runs evenly through the sharp clip, `speed` of its frames to a period of the camera's: the scene between two of them is
-interpolated (physics.scene_between). Each scanline averages the linear light of its own exposure. Two sharp frames are held at a time,
-and those of the camera's frames that are open between them, however long the clip.
+interpolated (physics.scene_between). Each scanline averages the linear light of its own exposure. Automatic exposure changes how long
+that is by the same factor from frame to frame; sensors then open earlier or later, and close at an even pace. Two sharp frames are held at
+a time, and those of the camera's frames that are open between them, however long the clip.
 """
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, pairwise
 
 import numpy as np
@@ -25,9 +26,10 @@ _ROUNDING = 1e-9  # of a sharp frame's period
 class Pace:
     """How the camera's frames lie in the time of the sharp clip, which counts its frames: the first one is at 0."""
 
-    timing: ShutterTiming
+    timing: ShutterTiming  # of the first frame
     period: float  # s from one frame of the camera to the next
     speed: float  # sharp frames in a period
+    growth: float = 1.0  # of the exposure from frame to frame
 
     def __post_init__(self) -> None:
         if not LEAST_SPEED <= self.speed <= MOST_SPEED:
@@ -36,22 +38,26 @@ class Pace:
                 " 1 keeps the source's motion, 2 doubles it"
             )
 
-    @property
-    def span(self) -> float:
-        """Sharp frames from the opening of a frame's first scanline to the closing of its last."""
-        return self.timing.interval[1] / self.period * self.speed
+    def shutter(self, frame: int) -> ShutterTiming:
+        """The timing of one frame."""
+        return replace(self.timing, exposure=self.timing.exposure * self.growth**frame)
 
     def opens(self, frame: int) -> float:
         """When a frame's first scanline opens."""
-        return frame * self.speed
+        earlier = self.shutter(frame).exposure - self.timing.exposure
+        return (frame - earlier / self.period) * self.speed
+
+    def closes(self, frame: int) -> float:
+        """When a frame's last scanline closes."""
+        return (frame + self.timing.interval[1] / self.period) * self.speed
 
     def needed(self, frames: int) -> int:
         """Sharp frames that so many frames need."""
-        return math.ceil(self.opens(frames - 1) + self.span - _ROUNDING) + 1
+        return math.ceil(self.closes(frames - 1) - _ROUNDING) + 1
 
     def frames(self, sharp: int) -> int:
         """Frames that so many sharp ones suffice for."""
-        return max(0, math.floor((sharp - 1 - self.span + _ROUNDING) / self.speed) + 1)
+        return max(0, math.floor((sharp - 1 - self.closes(0) + _ROUNDING) / self.speed) + 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,11 +74,11 @@ class _Open:
     """A frame of the camera while the sharp frames go by."""
 
     def __init__(self, pace: Pace, frame: int, shape: tuple[int, ...]) -> None:
-        timing, scale = pace.timing, pace.speed / pace.period
+        timing, scale = pace.shutter(frame), pace.speed / pace.period
         self.opens = pace.opens(frame) + scale * timing.row_start()
         self.closes = self.opens + scale * timing.exposure
-        self.ends = pace.opens(frame) + pace.span
-        self.middle = pace.opens(frame) + 0.5 * pace.span
+        self.ends = pace.closes(frame)
+        self.middle = 0.5 * (pace.opens(frame) + self.ends)
         self.total, self.truth = np.zeros(shape, np.float32), None
         self.blur = self.astray = 0.0
 
@@ -100,19 +106,20 @@ def filmed(sharp: Iterable[Light], pace: Pace, *, frames: int, noise: Noise, rng
     left: list[_Open] = []
     begun = done = 0
     for index, (before, after) in enumerate(pairwise(sharp)):
-        begin = range(begun, max(begun, min(frames, math.ceil((index + 1) / pace.speed))))
-        if left or begin:
+        first = begun
+        while begun < frames and pace.opens(begun) < index + 1:
+            begun += 1
+        if left or begun > first:
             between = SceneBetween.of(before, after)
             scanline = _scanlines(pace.timing, before.shape[:2])
             passed, left = left, []
-            for each in chain(passed, (_Open(pace, frame, before.shape) for frame in begin)):
+            for each in chain(passed, (_Open(pace, frame, before.shape) for frame in range(first, begun))):
                 each.pass_by(between, index, scanline)
                 if each.ends > index + 1 + _ROUNDING:
                     left.append(each)
                     continue
                 done += 1
                 yield each.shot(noise, rng)
-        begun = begin.stop
         if done == frames:
             return
     raise ValueError(f"{frames} frames need {pace.needed(frames)} sharp ones, they end after {done}")

@@ -52,16 +52,18 @@ def record(trajectory: Trajectory | None, evidence: Evidence | None) -> Found:
 def _found(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> Movement:
     """The inverse of `record`, for successive frames."""
     held = given_motion.of_frames(path, [index for index, _ in frames])
-    within, evidence, steps = [], [], []
+    within, evidence, steps, exposures = [], [], [], []
     for k, (index, begins) in enumerate(frames):
         frame, following = held[index], k + 1 < len(frames)
         if frame.found is None:
             raise UnreadableError(f"{path}: frame {index} must hold what was found of it, as the first does; was it put together by hand?")
         if abs(frame.time_s - begins) > _APART:
             raise UnreadableError(f"{path}: frame {index} begins at {frame.time_s:g} s, in the clip at {begins:g} s; is it another clip's?")
-        curve, beside = _of_frame(frame, camera)
+        taken = camera.exposed(frame.timing.exposure_s)
+        curve, beside = _of_frame(frame, taken)
         if curve is not None:
-            given_blur.check(path, curve, camera, beside.flow)
+            given_blur.check(path, curve, taken, beside.flow)
+        exposures.append(frame.timing.exposure_s)
         within.append(curve)
         evidence.append(beside)
         steps.append(frame.to_next if following else None)
@@ -71,6 +73,7 @@ def _found(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> M
         steps=np.array([step or [0.0] * 3 for step in steps])[:, :axes],
         tied=[step is not None for step in steps],
         evidence=evidence if any(within) else [],
+        exposures=exposures,
     )
 
 

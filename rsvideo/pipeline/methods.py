@@ -14,7 +14,7 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import clip_motion, multi_frame, search, single_frame
+from rsvideo.restoration import clip_motion, exposure, multi_frame, search, single_frame
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
@@ -32,6 +32,7 @@ class Treatment:
     gyro: Gyro | None  # of the methods that need one
     camera: Camera
     timing_source: str  # where the timing comes from, for the record
+    exposure_open: bool = False  # whether nobody states it, so that automatic exposure may change it from frame to frame
 
     @property
     def estimate(self) -> Estimator:
@@ -65,7 +66,8 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
     if treatment.method.rectifies:
         return rectify.movement(frames, camera, settings, observe)
     if treatment.method is Method.RSVIDEO and settings.frames != "cold":
-        return clip_motion.movement(frames, camera, settings, observe)
+        run = clip_motion.gather(frames, camera, settings, observe)
+        return clip_motion.movement(run.exposed(exposure.of_each(run)) if treatment.exposure_open else run)
     return Movement.unfollowed(len(begins), 3)
 
 
@@ -77,16 +79,22 @@ def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe
         yield from (_with_source(treatment, result) for result in results)
         return
     moving = moving.along_scanlines(camera.timing.direction)
-    for frame, path, evidence in zip(frames, moving.within, moving.beside, strict=True):
-        yield _with_source(treatment, _single(treatment, to_scanlines(frame, camera), path, evidence and evidence.flow))
+    for frame, taken, path, evidence in zip(frames, moving.cameras(camera), moving.within, moving.beside, strict=True):
+        yield _with_source(treatment, _single(treatment, to_scanlines(frame, taken), path, evidence and evidence.flow))
         observe(Progress(stage="restoring", fraction=1.0, frame=frame.index))
 
 
 def untouched(
-    treatment: Treatment, frame: Frame, verdict: Verdict, trajectory: Trajectory | None = None, seconds: float = 0.0
+    treatment: Treatment,
+    frame: Frame,
+    verdict: Verdict,
+    trajectory: Trajectory | None = None,
+    *,
+    camera: Camera | None = None,
+    seconds: float = 0.0,
 ) -> FrameResult:
-    """The frame as it came, at rest unless a trajectory is given."""
-    timing = treatment.camera.timing
+    """The frame as it came, at rest unless a trajectory is given, and taken by the treatment's camera unless another is."""
+    timing = (camera or treatment.camera).timing
     path = trajectory or still(timing.interval, degree=1, axes=3)
     result = FrameResult(frame=frame, timing=timing, trajectory=path, latent=frame.pixels, verdict=verdict, seconds=seconds)
     return _with_source(treatment, result)

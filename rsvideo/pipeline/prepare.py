@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
-from rsvideo.config.request import Camera, Request
+from rsvideo.config.request import Camera, Deblur, Motion, Request
 from rsvideo.frame import SMALLEST
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
@@ -96,6 +96,7 @@ class Task:
             gyro=self.gyro,
             camera=physics.Camera(timing=self.timing, intrinsics=self.camera.intrinsics, noise=self.camera.sensor_noise),
             timing_source=self.timing_source,
+            exposure_open=self.shutter.exposure_open,
         )
 
     @property
@@ -131,7 +132,7 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
     first, last, encoding, written = _frames_and_encoding(request, opened)
     request, opened = _measured(request, opened, first, last)
     shutter, camera, lens_notes = _taken_by(request, opened)
-    settings = settings_of(request)
+    settings = settings_of(request.motion, request.deblur)
     gyro = _gyro(request, opened, (first, last), shutter.timing, camera.intrinsics, settings)
     if gyro:  # which need not be looked for again
         request = request.replaced(motion={"gyro_offset": gyro.offset, "gyro_axes": gyro.axes})
@@ -267,9 +268,8 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     return first, last, encoding, notes
 
 
-def settings_of(request: Request) -> Settings:
-    """What the request says of the restoration, for the room that restores."""
-    motion, deblur = request.motion, request.deblur
+def settings_of(motion: Motion, deblur: Deblur) -> Settings:
+    """What a request says of the restoration, for the room that restores."""
     return Settings(
         motion=motion.model,
         degree=motion.degree,

@@ -38,6 +38,7 @@ class Filming:
 
     source: Path
     camera: Camera  # exposure, readout or row_time, and direction
+    last_exposure: float | None = None  # s, of the last frame; those between change evenly in its logarithm. None: as the first
     speed: float = 1.0  # source frames a frame
     rate: Fraction | None = None  # frames a second
     first: int = 0  # of the source's frames
@@ -104,6 +105,7 @@ def prepare(filming: Filming, output: Path, *, overwrite: bool = False) -> Plan:
     pace = Pace(timing=shutter, period=float(1 / rate), speed=filming.speed)
     noise = Noise.at_half(filming.noise)
     frames, notes = _frames(filming, source, pace)
+    pace = _with_automatic_exposure(pace, filming.last_exposure, frames)
     target = _target(source, rows, cols, rate, frames)
     last = filming.first + pace.needed(frames)
     return Plan(filming=filming, output=output, source=source, target=target, scale=scale, pace=pace, noise=noise, last=last, notes=notes)
@@ -179,6 +181,15 @@ def _frames(filming: Filming, source: Stream, pace: Pace) -> tuple[int, tuple[st
     return filming.frames or most, notes
 
 
+def _with_automatic_exposure(pace: Pace, last: float | None, frames: int) -> Pace:
+    """The pace at whose last frame the exposure has come to `last` seconds."""
+    if last is None or frames < 2:
+        return pace
+    if not 0 < last <= pace.period:
+        raise ValueError(f"last-exposure must lie in (0, {1e3 * pace.period:.4g}] ms, a frame's period, got {1e3 * last:.4g} ms")
+    return replace(pace, growth=(last / pace.timing.exposure) ** (1 / (frames - 1)))
+
+
 def _scaled(rows: int, cols: int, largest: int | None) -> tuple[int, int]:
     factor = min(1.0, largest / max(rows, cols)) if largest else 1.0
     return max(1, round(factor * rows)), max(1, round(factor * cols))
@@ -217,6 +228,7 @@ def _facts(plan: Plan, blur: np.ndarray) -> dict[str, object]:
         "kind": "clip",
         "source": filming.source.name,
         **shutter_facts(plan.pace.timing),
+        **({"exposures_s": [plan.pace.shutter(k).exposure for k in range(target.frames)]} if plan.pace.growth != 1 else {}),
         "rows": target.rows,
         "cols": target.cols,
         "fps": float(target.rate),

@@ -77,9 +77,10 @@ def _records(task: Task, chunk: Chunk, pictures: Sequence[Picture], observe: Obs
     mine, moving = own(chunk, pictures, moving)
     verdicts = list(_verdicts(task, mine, moving))
     seconds = (time.monotonic() - started) / max(len(mine), 1)
-    for k, (picture, verdict) in enumerate(zip(mine, verdicts, strict=True)):
+    cameras = moving.cameras(treatment.camera)
+    for k, (picture, verdict, camera) in enumerate(zip(mine, verdicts, cameras, strict=True)):
         frame = clip_frames.frame(meaning, picture)
-        result = methods.untouched(treatment, frame, verdict or Verdict.UNTOUCHED, moving.within[k], seconds)
+        result = methods.untouched(treatment, frame, verdict or Verdict.UNTOUCHED, moving.within[k], camera=camera, seconds=seconds)
         line = output.frame_record(result, moving.steps[k] if moving.tied[k] else None)
         found = given_movement.record(moving.within[k], moving.beside[k])
         yield line.model_copy(update={"found": found, "verdict": verdict or ALONE})

@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 from rsvideo import threads
 from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera
-from rsvideo.physics.shutter import Direction
+from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import CameraPath, certainties, exposure_length, follow, polynomial, unexplained, windows, within
@@ -47,7 +47,7 @@ COLS = 480  # with most texture, from which a clip's blur is measured
 class Run:
     """Successive frames of one camera as estimation needs them, along their scanlines."""
 
-    begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens
+    begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens if exposed as the camera states
     scenes: list[Scene]  # narrowed to the columns that serve; none where blur is not needed
     wide: list[Scene]  # all columns at half the resolution, or less, where long blurs show
     links: list[Tracks]  # between neighbours
@@ -55,6 +55,7 @@ class Run:
     source_camera: Camera  # as the frames are stored
     axes: int
     steps: int  # of L-BFGS, in which blur refines the path
+    exposures: Float[np.ndarray, " frames"]  # s, of each frame; none is longer than the camera's
 
     @property
     def direction(self) -> Direction:
@@ -65,6 +66,26 @@ class Run:
     def tied(self) -> list[bool]:
         """Whether the next frame's points were followed."""
         return [*(len(t.before) > 0 for t in self.links), False]
+
+    def timing(self, k: int) -> ShutterTiming:
+        """Of frame k."""
+        return replace(self.camera.timing, exposure=float(self.exposures[k]))
+
+    def opens(self, k: int) -> float:
+        """When the first scanline of frame k opens: the middle of its interval does not depend on its exposure."""
+        return float(self.begins[k]) + (self.camera.timing.exposure - float(self.exposures[k])) / 2
+
+    def exposed(self, exposures: Float[np.ndarray, " frames"]) -> "Run":
+        """The same frames, exposed so many seconds each about the same middles."""
+        longest = float(exposures.max())
+        before = self.camera.timing.exposure
+        run = self.taken_by(replace(self.source_camera, timing=replace(self.source_camera.timing, exposure=longest)))
+
+        def taken(scenes: list[Scene]) -> list[Scene]:
+            return [replace(s, camera=s.camera.exposed(float(e))) for s, e in zip(scenes, exposures, strict=True)] if scenes else []
+
+        begins = self.begins + (before - longest) / 2
+        return replace(run, begins=begins, exposures=exposures, scenes=taken(run.scenes), wide=taken(run.wide))
 
     def taken_by(self, camera: Camera) -> "Run":
         """The same frames, if another camera of that size has taken them."""
@@ -82,6 +103,7 @@ class Run:
             wide=[replace(scene, camera=smaller) for scene in self.wide],
             camera=upright,
             source_camera=camera,
+            exposures=np.full(len(self.begins), camera.timing.exposure),
         )
 
     def first_column(self, scene: Scene) -> int:
@@ -95,9 +117,8 @@ class Run:
         return np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(tied))], bool)
 
 
-def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore) -> Movement:
-    """The motion of successive frames of one camera, in image axes; frames are not kept."""
-    run = gather(frames, camera, settings, observe)
+def movement(run: Run) -> Movement:
+    """The motion that points and blur of a run show, in image axes."""
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
     tracked = path_from_tracks(run)
@@ -129,8 +150,17 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
             wide.append(reduced(halved(scene)))
         observe(Progress(stage="motion", fraction=0.0, frame=frame.index))
     upright = camera.along_scanlines()
-    how = {"axes": settings.axes, "steps": settings.effort.blur_steps}
-    return Run(begins=np.array(begins), scenes=scenes, wide=wide, links=links, camera=upright, source_camera=camera, **how)
+    return Run(
+        begins=np.array(begins),
+        scenes=scenes,
+        wide=wide,
+        links=links,
+        camera=upright,
+        source_camera=camera,
+        axes=settings.axes,
+        steps=settings.effort.blur_steps,
+        exposures=np.full(len(begins), camera.timing.exposure),
+    )
 
 
 def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
@@ -140,10 +170,10 @@ def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
 
 def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
     """The path refined by the blur of those of the `frames` that are blurred."""
-    lengths = {int(k): exposure_length(path.spline, run.begins[k], run.camera.timing) for k in np.flatnonzero(frames)}
+    lengths = {k: exposure_length(path.spline, run.opens(k), run.timing(k)) for k in np.flatnonzero(frames).tolist()}
     blurred = [k for k, length in lengths.items() if length > BLURRED]
     scenes = [scene_at(run, k, None, lengths[k]) for k in blurred]
-    return refine(scenes, [float(run.begins[k]) for k in blurred], path, steps=run.steps) if blurred else path
+    return refine(scenes, [run.opens(k) for k in blurred], path, steps=run.steps) if blurred else path
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:
@@ -178,19 +208,18 @@ def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, 
 
 def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> Movement:
     """A path as the motion of those `frames` of a run that it holds for, in image axes."""
-    timing, axes = run.camera.timing, path.coefficients.shape[1]
-    inside = [within(path, float(t), timing) if k else None for t, k in zip(run.begins, frames, strict=True)]
-    middles = path.at(run.begins + timing.middle)
-    steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, axes))]) * np.array(run.tied)[:, None]
-    return Movement(within=[*inside], steps=steps, tied=run.tied).in_image(run.direction)
+    inside = [within(path, run.opens(k), run.timing(k)) if held else None for k, held in enumerate(frames)]
+    middles = path.at(run.begins + run.camera.timing.middle)
+    steps = np.vstack([np.diff(middles, axis=0), np.zeros((1, middles.shape[1]))]) * np.array(run.tied)[:, None]
+    return Movement(within=[*inside], steps=steps, tied=run.tied, exposures=[*map(float, run.exposures)]).in_image(run.direction)
 
 
 def _votes(run: Run, path: CameraPath) -> list[tuple[float, float]]:
     """What each frame that is blurred enough says of a path that was found without blur."""
     flows_beside, wanted = beside(run, path), []
-    for k, begin in enumerate(run.begins):
-        cut = within(path.spline, float(begin), run.camera.timing)
-        if (length := longest(run.camera, cut)) > SHORT:
+    for k, exposure in enumerate(run.exposures):
+        cut = within(path.spline, run.opens(k), run.timing(k))
+        if (length := longest(run.camera.exposed(float(exposure)), cut)) > SHORT:
             wanted.append((scene_at(run, k, flows_beside[k], length), cut))
     return threads.each(lambda each: vote(*each), wanted)
 
@@ -200,7 +229,7 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
     beyond = unexplained(path.spline, run.links, run.begins, run.camera)
     speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
-    coherent = run.camera.timing.exposure * np.maximum(around[:-1], around[1:])
+    coherent = run.exposures * np.maximum(around[:-1], around[1:])
     certain = certainties(path, run.begins, run.tied, run.camera.timing)
     return [
         Evidence(

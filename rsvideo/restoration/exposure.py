@@ -7,14 +7,21 @@ leave it, resembles a short blur along both; motion does not. In some frames the
 
     m_k = a_k - g c_k,    p_k(e) = (1 - w) exp(-b m_k(e)) / sum_e exp(-b m_k(e)) + w / n
 
-is what frame k shows of the n exposures that are tried, and the product over the frames what the clip shows. Spectra are integrated over
-latent images, so that long exposures are not preferred to short ones, as they are by the sparsity of latent images.
+is what frame k shows of the n exposures that are tried. Spectra are integrated over latent images, so that long exposures are not
+preferred to short ones, as they are by the sparsity of latent images. Automatic exposure follows the light evenly, so that frame k at
+t_k has
+
+    log e_k = x + y t_k,    p(x, y) = p(x) p(y) prod_k p_k(exp(x + y t_k)),
+
+with Cauchy's distribution about 0 for p(y): mostly the exposure stays, and where it does not, it may change much.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.interpolate import CubicSpline
 
 from rsvideo import threads
 from rsvideo.restoration.camera_path import CameraPath, within
@@ -25,9 +32,9 @@ from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.spectrum import Patches, patches
 from rsvideo.restoration.trust import misfits
 
-RATIO = 1.12  # from one exposure that is tried to the next
+RATIO = 1.12  # from one exposure to the next
 SHORTEST = 1 / 64  # of a frame's period, the shortest one
-FRAMES = 16  # with most motion, from whose blur the exposure is measured
+FRAMES = 16  # with most motion, from whose blur a clip's exposure is measured
 FEWEST = 3  # of them
 INDEPENDENT = 20.0  # b: numbers in a frame's spectra that are as good as independent; 15 to 60 differ little
 SOFTNESS = 0.5  # g: from 0.3 to 1 little differs where blur is plain, the more the longer short blurs appear
@@ -35,6 +42,11 @@ ASTRAY = 0.2  # w: of the frames, those that show nothing
 PLAIN = 2.5  # px of blur, which an answer must leave in the middle one of these frames; less may be a lens's or a codec's
 SURE = 0.975  # of what is shown: exposures beyond are too long
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
+SHOWS = 2.0  # px of blur at the clip's exposure, from which on a frame helps to follow automatic exposure
+STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes; origin: by trial
+CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
+ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
+FARTHEST = 4.0  # times the clip's exposure, or one by that, is the last that is tried of a part
 _LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 
 
@@ -42,7 +54,7 @@ _LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 class Exposure:
     """A measured exposure."""
 
-    value: float  # s
+    value: float  # s, in the middle of the frames
     deviation: float  # s
     blur: float  # px, of the middle one of the frames
 
@@ -55,26 +67,31 @@ class Unclear:
     most: float | None = None  # s; None where blur shows no bound
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Tried:
+    """Exposures, and how far the blur of each frame is from them."""
+
+    exposures: Float[np.ndarray, " tried"]  # s, in equal ratios
+    frames: list[int]
+    times: Float[np.ndarray, " frames"]  # s, from the middle of the run
+    misfits: Float[np.ndarray, "frames tried"]
+
+
 def measured(run: Run, period: float) -> Exposure | Unclear:
     """The exposure of a run's frames, which are `period` seconds apart, up to that period."""
     path = path_from_tracks(run)
-    frames = _most_moving(run, path)
-    if len(frames) < FEWEST:
-        return Unclear(reason="too few of its frames could be followed from one to the next")
-    tried = period * np.geomspace(SHORTEST, 1, 1 + round(np.log(1 / SHORTEST) / np.log(RATIO)))
-    flows = beside(run, path)
-    scenes = [_scene(run, path, k, flows[k], period) for k in frames]
-    textured = [(k, scene, found) for k, scene in zip(frames, scenes, strict=True) if (found := patches(scene))]
-    if len(textured) < FEWEST:
-        return Unclear(reason="too few of its frames have texture to show blur")
-    missed = np.array(threads.each(lambda each: [_misfit(run, path, *each, e) for e in tried], textured))
-    shown = _shown(missed)
-    mean = float(shown @ np.log(tried))
+    tried = _tried(run, path, _most_moving(run, path)[:FRAMES], _ratios(period * SHORTEST, period), period)
+    if isinstance(tried, Unclear):
+        return tried
+    logarithms = np.log(tried.exposures)
+    likely = _likelihoods(tried)
+    shown = _shown(likely.sum(axis=0)).sum(axis=1)
+    mean = float(shown @ logarithms)
     value = float(np.exp(mean))
-    deviation = max(float(np.sqrt(shown @ (np.log(tried) - mean) ** 2)), _disagreement(missed, np.log(tried)))
-    blur = float(np.median([_length(run, path, k, value) for k, _, _ in textured]))
+    deviation = max(float(np.sqrt(shown @ (logarithms - mean) ** 2)), _disagreement(likely, logarithms))
+    blur = float(np.median([_length(run, path, k, value) for k in tried.frames]))
     surely = value * max(float(np.exp(2 * deviation)), PLAIN / max(blur, _LEAST_BLUR))
-    most = max(float(tried[np.searchsorted(np.cumsum(shown), SURE)]), surely)
+    most = max(float(tried.exposures[np.searchsorted(np.cumsum(shown), SURE)]), surely)
     if deviation > VAGUE:
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=min(most, period))
     if blur < PLAIN:
@@ -82,24 +99,83 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     return Exposure(value=value, deviation=value * float(np.hypot(deviation, np.log(RATIO) / np.sqrt(12))), blur=blur)
 
 
-def _shown(misfits: Float[np.ndarray, "frames tried"]) -> Float[np.ndarray, " tried"]:
-    """What the frames together show of each exposure; of sum 1."""
-    each = np.exp(-INDEPENDENT * (misfits - misfits.min(axis=1, keepdims=True)))
-    together = np.log((1 - ASTRAY) * each / each.sum(axis=1, keepdims=True) + ASTRAY / misfits.shape[1]).sum(axis=0)
+def of_each(run: Run) -> Float[np.ndarray, " frames"]:
+    """The exposure of each frame, s, as automatic exposure changes it about the one that the run's camera has.
+
+    Where too few frames are blurred, or where they do not agree, it is the camera's.
+    """
+    about = run.camera.timing.exposure
+    if len(run.begins) < FEWEST:
+        return run.exposures
+    period = float(np.median(np.diff(run.begins)))
+    path = path_from_tracks(run)
+    frames = [k for k in _most_moving(run, path) if _length(run, path, k, about) > SHOWS]
+    shortest, longest = max(about / FARTHEST, period * SHORTEST), min(about * FARTHEST, period)
+    tried = _tried(run, path, frames, _ratios(shortest, longest), period)
+    if isinstance(tried, Unclear):
+        return run.exposures
+    logarithms = np.log(tried.exposures)
+    prior = -np.log1p(((logarithms - np.log(about)) / ABOUT) ** 2)
+    shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
+    x, y = float(shown.sum(axis=1) @ logarithms), float(shown.sum(axis=0) @ CHANGES)
+    if shown.sum(axis=1) @ (logarithms - x) ** 2 > VAGUE**2:
+        return run.exposures
+    return np.clip(np.exp(x + y * (run.begins - _middle(run))), period * SHORTEST, period)
+
+
+def _middle(run: Run) -> float:
+    return 0.5 * float(run.begins[0] + run.begins[-1])
+
+
+def _ratios(shortest: float, longest: float) -> Float[np.ndarray, " tried"]:
+    """Exposures from the shortest to the longest."""
+    return np.geomspace(shortest, longest, 1 + 2 * max(1, round(np.log(longest / shortest) / np.log(RATIO) / 2)))
+
+
+def _tried(run: Run, path: CameraPath, frames: Sequence[int], exposures: Float[np.ndarray, " tried"], period: float) -> _Tried | Unclear:
+    """What the blur of some frames says of exposures; every second one is tried, misfits between them are interpolated."""
+    if len(frames) < FEWEST:
+        return Unclear(reason="too few of its frames could be followed from one to the next")
+    flows = beside(run, path)
+    scenes = [_scene(run, path, k, flows[k], period) for k in frames]
+    textured = [(k, scene, found) for k, scene in zip(frames, scenes, strict=True) if (found := patches(scene))]
+    if len(textured) < FEWEST:
+        return Unclear(reason="too few of its frames have texture to show blur")
+    coarse = threads.each(lambda each: [_misfit(run, path, *each, e) for e in exposures[::2]], textured)
+    misfits = CubicSpline(np.log(exposures[::2]), np.array(coarse), axis=1)(np.log(exposures))
+    held = [k for k, _, _ in textured]
+    return _Tried(exposures=exposures, frames=held, times=run.begins[held] - _middle(run), misfits=misfits)
+
+
+def _likelihoods(tried: _Tried) -> Float[np.ndarray, "frames tried changes"]:
+    """log p_k(exp(x + y t_k)) of each frame, for the exposures x that were tried and all changes y."""
+    each = np.exp(-INDEPENDENT * (tried.misfits - tried.misfits.min(axis=1, keepdims=True)))
+    alone = np.log((1 - ASTRAY) * each / each.sum(axis=1, keepdims=True) + ASTRAY / each.shape[1])
+    at = np.log(tried.exposures)
+    return np.array([[np.interp(at + y * t, at, frame) for y in CHANGES] for t, frame in zip(tried.times, alone, strict=True)]).swapaxes(
+        1, 2
+    )
+
+
+def _shown(logarithm: Float[np.ndarray, "tried changes"]) -> Float[np.ndarray, "tried changes"]:
+    """p(x, y), of sum 1, from the frames' own and p(x); that of a change is added."""
+    together = logarithm - np.log1p((CHANGES / STEADY) ** 2)
     shown = np.exp(together - together.max())
     return shown / shown.sum()
 
 
-def _disagreement(misfits: Float[np.ndarray, "frames tried"], logarithms: Float[np.ndarray, " tried"]) -> float:
+def _disagreement(likely: Float[np.ndarray, "frames tried changes"], logarithms: Float[np.ndarray, " tried"]) -> float:
     """The standard error of the mean logarithm by what each frame changes in it (jackknife): frames may be sure, and disagree."""
-    without = np.array([_shown(np.delete(misfits, k, axis=0)) @ logarithms for k in range(len(misfits))])
+    together = likely.sum(axis=0)
+    without = np.array([_shown(together - frame).sum(axis=1) @ logarithms for frame in likely])
     return float(np.sqrt((len(without) - 1) * without.var()))
 
 
 def _most_moving(run: Run, path: CameraPath) -> list[int]:
+    """The frames whose points were followed, those with most motion first."""
     lengths = np.array([_length(run, path, k, run.camera.timing.exposure) for k in range(len(run.begins))])
     followed = np.flatnonzero(run.followed)
-    return sorted(followed[np.argsort(-lengths[followed], kind="stable")[:FRAMES]].tolist())
+    return followed[np.argsort(-lengths[followed], kind="stable")].tolist()
 
 
 def _length(run: Run, path: CameraPath, k: int, exposure: float) -> float:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.parallax import Flow
@@ -34,11 +35,16 @@ class Movement:
     steps: Float[np.ndarray, "frames axes"]  # from the pose at the middle of a frame's interval to that of the next
     tied: list[bool]  # whether the next frame's points were followed; else its step is 0
     evidence: list[Evidence] = field(default_factory=list)  # of each frame; none where the motion was given, and is followed as it is
+    exposures: list[float] = field(default_factory=list)  # s, of each frame; none where all have their camera's
 
     @property
     def beside(self) -> Sequence[Evidence | None]:
         """The evidence of each frame, None where the motion was given."""
         return self.evidence or [None] * len(self.within)
+
+    def cameras(self, camera: Camera) -> list[Camera]:
+        """That of each frame, which differ in their exposure only."""
+        return [camera.exposed(exposure) for exposure in self.exposures] or [camera] * len(self.within)
 
     @classmethod
     def unfollowed(cls, frames: int, axes: int) -> "Movement":
@@ -52,6 +58,7 @@ class Movement:
             steps=self.steps[first:last],
             tied=self.tied[first:last],
             evidence=self.evidence[first:last],
+            exposures=self.exposures[first:last],
         )
 
     def along_scanlines(self, direction: Direction) -> "Movement":

@@ -85,8 +85,9 @@ def restored(
         return done
 
     count = 0
-    for k, (frame, path, evidence) in enumerate(zip(frames, movement.within, movement.beside, strict=True)):
-        view = to_scanlines(frame, camera)
+    paths = zip(frames, movement.cameras(camera), movement.within, movement.beside, strict=True)
+    for k, (frame, taken, path, evidence) in enumerate(paths):
+        view = to_scanlines(frame, taken)
         if path is None:
             waiting[k] = _Waiting(restored=single_frame.restored(view, settings, estimate=estimate))
         else:
@@ -112,8 +113,9 @@ class _Judged:
 def verdicts(frames: Iterable[Frame], movement: Movement, camera: Camera, settings: Settings) -> Iterator[Verdict | None]:
     """What `restored` will answer of each frame, without its work; None of a frame without a trajectory, which is judged by that work."""
     movement = movement.along_scanlines(camera.timing.direction)
-    for frame, path, evidence in zip(frames, movement.within, movement.beside, strict=True):
-        yield None if path is None else _judged(to_scanlines(frame, camera), path, evidence, settings).verdict
+    paths = zip(frames, movement.cameras(camera), movement.within, movement.beside, strict=True)
+    for frame, taken, path, evidence in paths:
+        yield None if path is None else _judged(to_scanlines(frame, taken), path, evidence, settings).verdict
 
 
 def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: Settings) -> _Judged:

@@ -21,6 +21,7 @@ from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.2  # ratio of a stated exposure and the measured one from which on one of them is wrong; measured ones rarely are by 1.1
 _CERTAIN = 5.0  # deviations of the measured one, by which they must differ too: these do not hold what the path itself is off by
+_BY_BLUR = "measured from the clip's blur"
 _SOFT = 2.0  # px, a lens's or a codec's blur, which may lengthen what is measured: clips of 1.8 and 2.4 px showed 2.9
 
 
@@ -49,6 +50,11 @@ class Resolved:
     readout: Fact[float]  # seconds
     direction: Fact[Direction]
     notes: tuple[str, ...]  # what the user should know before the work
+
+    @property
+    def exposure_open(self) -> bool:
+        """Whether nobody states the exposure, so that automatic exposure may change it from frame to frame."""
+        return self.exposure.assumed or self.exposure.source == _BY_BLUR
 
     @property
     def source(self) -> str:
@@ -111,9 +117,7 @@ def _from_blur(measured: Measured, fps: float) -> Fact[float]:
             )
         return _mild(fps)
     spread = 2 * measured.deviation
-    return Fact(
-        value=measured.exposure, source="measured from the clip's blur", within=(measured.exposure - spread, measured.exposure + spread)
-    )
+    return Fact(value=measured.exposure, source=_BY_BLUR, within=(measured.exposure - spread, measured.exposure + spread))
 
 
 def _mild(fps: float) -> Fact[float]:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from typing import get_type_hints
 
 import numpy as np
@@ -9,14 +10,14 @@ import pytest
 
 import rsvideo
 from rsvideo.config import request
+from rsvideo.pipeline.prepare import settings_of
 from rsvideo.restoration.settings import Settings as RestorationSettings
 
 
 def test_the_defaults_are_those_of_the_command() -> None:
     stated = rsvideo.Settings()
-    assert stated.core() == RestorationSettings()
-    assert request.Motion.model_validate(stated.of_motion()) == request.Motion()
-    assert request.Deblur.model_validate(stated.of_deblur()) == request.Deblur()
+    assert stated.sections() == (request.Motion(), request.Deblur())
+    assert replace(settings_of(*stated.sections()), device="cpu") == RestorationSettings()
 
 
 @pytest.mark.parametrize("name", ["motion", "start", "refinement", "prior", "quality", "frames"])

@@ -1,7 +1,7 @@
 """Film sharp clips anew at random, measure their shutter from their own frames, and print how far that is from the truth.
 
     python tests/benchmarks/measured.py CLIPS... -o FILE [--each 2] [--frames 24] [--largest-side 640] [--exposure 0.5e-3 33e-3]
-        [--seed 0] [--keep DIR]
+        [--seed 0] [--change 4] [--keep DIR]
 
 CLIPS are footage of short exposures. Of each, `rsvideo simulate --from-clip` makes --each clips at 30 frames a second: exposure 0.5
 to 33 ms (log-uniform), readout 5 to 30 ms, 1 to 2 source frames a frame as far as the source has so many, from anywhere in it: more
@@ -9,7 +9,8 @@ would turn a hand's shake into an engine's. Sources are to have no rolling shutt
 `rsvideo deblur --method rectify --codec ffv1` takes it away, with the readout that `rsvideo calibrate readout --from-clip` finds. The clips
 are measured as by `rsvideo inspect --measure`. FILE gets the figures of each clip, and of all of them: the share that was answered,
 and the relative errors of the answers, for clips with more than 4 px of blur, 2.5 to 4 px, and less. Another seed gives other clips: what
-is chosen by the ones can be reported by the others. DIR keeps the clips, and a later run takes them from there.
+is chosen by the ones can be reported by the others. With --change the exposure of each clip's last frame is up to so many times that of
+its first one, or one by that (log-uniform). DIR keeps the clips, and a later run takes them from there.
 
 The true blur is the middle pixel's motion in the frames with most of it, the measured one the longest streak of such frames: these
 differ where the scene is deep or the camera rolls.
@@ -62,9 +63,11 @@ def drawn(source: Path, number: int, draw: int, args: argparse.Namespace) -> Fil
     paces = [Pace(timing=timing, period=1 / RATE, speed=float(speed)) for speed in (fast, *np.linspace(fast, SPEED[0], 20))]
     pace = next((each for each in paces if each.needed(args.frames) <= there), paces[-1])
     frames = min(args.frames, pace.frames(there))
+    change = float(rng.uniform(-1, 1))
     return Filming(
         source=source,
         camera=Camera(exposure=round(seconds, 6), readout=round(readout, 6)),
+        last_exposure=None if args.change == 1 else min(round(seconds * args.change**change, 6), 1 / RATE),
         speed=pace.speed,
         rate=Fraction(RATE),
         first=int(begin * (there - pace.needed(max(frames, 1)) + 1)),
@@ -76,7 +79,8 @@ def drawn(source: Path, number: int, draw: int, args: argparse.Namespace) -> Fil
 
 def made(source: Path, number: int, folder: Path, args: argparse.Namespace) -> Path | None:
     """The folder of one clip, made unless it is there; None where the source has no part without a cut."""
-    case = folder / f"{source.stem}-{digest(source).hex()[:8]}-{args.frames}-{args.largest_side}-{args.seed}-{number}"
+    changing = "" if args.change == 1 else f"-{args.change:g}"
+    case = folder / f"{source.stem}-{digest(source).hex()[:8]}-{args.frames}-{args.largest_side}-{args.seed}-{number}{changing}"
     if (case / FACTS).is_file():
         return case
     reason = ""
@@ -104,7 +108,7 @@ def measured(case: Path) -> dict:
     return {
         "blur_extent_px": facts["blur_extent_px"],
         "speed": facts["speed"],
-        "exposure_s": facts["exposure_s"],
+        "exposure_s": float(np.median(facts.get("exposures_s", facts["exposure_s"]))),
         "exposure_measured_s": found.exposure,
         "readout_s": facts["readout_s"],
         "readout_measured_s": found.readout,
@@ -141,6 +145,7 @@ def main() -> None:
     parser.add_argument("--largest-side", type=int, default=640, metavar="PX")
     parser.add_argument("--exposure", type=float, nargs=2, default=EXPOSURE, metavar=("FROM", "TO"), help="seconds")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--change", type=float, default=1.0, metavar="FACTOR")
     parser.add_argument("--keep", type=Path, metavar="DIR")
     args = parser.parse_args()
     rows: list[dict] = []

@@ -76,6 +76,18 @@ def test_a_folder_holds_the_clip_its_truth_and_its_facts(case):
     }
 
 
+def test_automatic_exposure_leads_evenly_to_the_last_frames(sharp, tmp_path):
+    folder = made(sharp, tmp_path / "a", "--last-exposure", "5ms", "--frames", 5)
+    facts = json.loads((folder / "case.json").read_text())
+    assert facts["exposures_s"] == pytest.approx(np.geomspace(0.02, 0.005, 5))
+    assert facts["blur_px"] == pytest.approx(STEP * 24 * np.geomspace(0.02, 0.005, 5), rel=0.05)
+
+
+def test_a_last_exposure_longer_than_a_frames_period_is_refused(sharp, tmp_path):
+    line = refused(2, "--from-clip", sharp, "-o", tmp_path / "a", *SHUTTER, "--last-exposure", "50ms")
+    assert line == "last-exposure must lie in (0, 41.67] ms, a frame's period, got 50 ms"
+
+
 def test_inspect_reads_what_was_made(case):
     done = call("inspect", case / "clip.mp4", "--json")
     assert done.returncode == 0, done.stderr

@@ -9,10 +9,11 @@ import pytest
 
 import rsvideo
 from rsvideo.config.request import Measured, Request
-from rsvideo.pipeline import measuring
+from rsvideo.pipeline import given_movement, measuring
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.pipeline.track import carry_out
 from rsvideo.progress import ignore
+from rsvideo.restoration import exposure
 from rsvideo.video import decode
 from tests.cli.conftest import Run
 from tests.cli.forked import call
@@ -163,3 +164,19 @@ def test_what_a_clip_shows_of_its_shutter_goes_into_its_track(tmp_path: Path, mo
     assert held["exposure_s"] == 0.021
     assert held["row_time_s"] == 0.018 / 96
     assert held["source"] == "exposure: measured from the clip's blur; readout: measured from the clip's motion"
+
+
+def test_what_each_frame_shows_of_its_exposure_goes_into_the_track_and_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [0.012, 0.015, 0.019, 0.024]
+    monkeypatch.setattr(measuring, "measured", lambda *_: Measured(exposure=0.021, readout=0.018, focal=200.0))
+    monkeypatch.setattr(exposure, "of_each", lambda _: np.array(found))
+    source = encode(tmp_path / "moving.mkv", [coded(rendering.blurred) for rendering in CLIP.renderings])
+    output = tmp_path / "a.rsvideo.json"
+    carry_out(task := prepare(Request(source=source, output=output, motion_only=True)), ignore)
+    assert [frame["timing"]["exposure_s"] for frame in json.loads(output.read_text())["frames"]] == found
+    shown = decode.pictures(decode.probe(source))
+    moving = given_movement.of_pictures(output, task.treatment.camera.exposed(found[0]), [(p.index, p.time) for p in shown])
+    assert moving.exposures == found
+    for path, seconds in zip(moving.within, found, strict=True):
+        assert path is not None
+        assert path.t1 == pytest.approx(seconds + 0.018)

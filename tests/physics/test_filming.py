@@ -27,8 +27,8 @@ def timing(exposure=0.02, readout=0.02, direction=Direction.TOP_TO_BOTTOM):
     return ShutterTiming.from_readout(exposure=exposure, readout=readout, rows=rows, direction=direction)
 
 
-def film(sharp, shutter, *, speed=1.0, frames=1, noise=QUIET, seed=0):
-    pace = Pace(timing=shutter, period=PERIOD, speed=speed)
+def film(sharp, shutter, *, speed=1.0, frames=1, noise=QUIET, seed=0, growth=1.0):
+    pace = Pace(timing=shutter, period=PERIOD, speed=speed, growth=growth)
     return list(filmed(sharp, pace, frames=frames, noise=noise, rng=np.random.default_rng(seed)))
 
 
@@ -69,6 +69,19 @@ def test_a_scene_that_moves_evenly_becomes_what_the_renderer_of_photographs_make
         assert decibels(shot.blurred, rendered) > 43
         assert decibels(shot.truth, still(scene, camera=LENS, pose=trajectory.at(np.array([shutter.middle]))[0])) > 40
         assert shot.blur == pytest.approx(np.hypot(*VELOCITY) * 0.02 * speed, rel=0.03)
+
+
+@pytest.mark.parametrize("growth", [0.7, 1.5])
+def test_automatic_exposure_changes_the_blur_of_each_frame_and_when_it_opens_not_when_it_closes(scene, sharp, growth):
+    shots = film(sharp, timing(exposure=0.012), frames=4, growth=growth)
+    for frame, shot in enumerate(shots):
+        shutter = timing(exposure=0.012 * growth**frame)
+        opens = frame * PERIOD + 0.012 - shutter.exposure
+        trajectory = path(opens, shutter, 1.0)
+        rendered = blur(scene, camera=LENS, timing=shutter, trajectory=trajectory)
+        assert decibels(shot.blurred, rendered) > 40
+        assert decibels(shot.truth, still(scene, camera=LENS, pose=trajectory.at(np.array([shutter.middle]))[0])) > 40
+        assert shot.blur == pytest.approx(np.hypot(*VELOCITY) * shutter.exposure, rel=0.03)
 
 
 @pytest.mark.parametrize("direction", list(Direction))
@@ -148,8 +161,9 @@ def test_what_does_not_move_as_one_scene_is_astray(sharp):
 
 @pytest.mark.parametrize("speed", [0.3, 1.0, 2.5, 7.0])
 @pytest.mark.parametrize("frames", [1, 2, 5, 40])
-def test_sharp_frames_suffice_for_the_frames_that_need_them_and_one_less_does_not(frames, speed):
-    pace = Pace(timing=timing(exposure=1 / 30, readout=1 / 30), period=PERIOD, speed=speed)
+@pytest.mark.parametrize("growth", [1.0, 0.9])
+def test_sharp_frames_suffice_for_the_frames_that_need_them_and_one_less_does_not(frames, speed, growth):
+    pace = Pace(timing=timing(exposure=1 / 30, readout=1 / 30), period=PERIOD, speed=speed, growth=growth)
     assert pace.frames(pace.needed(frames)) >= frames
     assert pace.frames(pace.needed(frames) - 1) < frames
 

@@ -1,5 +1,6 @@
 """How long a clip was exposed, from its blur."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,8 +39,7 @@ def test_a_clip_that_does_not_move_at_all_shows_no_exposure() -> None:
 def test_frames_whose_path_is_wrong_are_outvoted() -> None:
     """Three of eight frames prefer another exposure, the rest agree to a step."""
     tried = np.arange(20.0)
-    dips = [8, 8, 9, 8, 7, 2, 2, 15]
-    shown = exposure._shown(0.3 * np.array([1 - np.exp(-((tried - dip) ** 2) / 4) for dip in dips]))
+    shown = exposure._shown(exposure._likelihoods(blurred([8, 8, 9, 8, 7, 2, 2, 15], depth=0.3)).sum(axis=0)).sum(axis=1)
     assert shown.sum() == pytest.approx(1)
     assert abs(float(shown @ tried) - 8) < 0.5
     assert float(np.sqrt(shown @ (tried - shown @ tried) ** 2)) < 1
@@ -47,9 +47,27 @@ def test_frames_whose_path_is_wrong_are_outvoted() -> None:
 
 @pytest.mark.parametrize(("dips", "agreed"), [([8, 8, 9, 8, 7, 8], True), ([4, 4, 4, 14, 14, 14], False)])
 def test_frames_that_are_sure_and_disagree_leave_the_answer_open(dips: list[int], agreed: bool) -> None:
-    logarithms = np.log(exposure.RATIO) * np.arange(20.0)
-    misfits = np.array([1 - np.exp(-((np.arange(20) - dip) ** 2) / 4) for dip in dips])
-    assert (exposure._disagreement(misfits, logarithms) < exposure.VAGUE) == agreed
+    tried = blurred(dips)
+    assert (exposure._disagreement(exposure._likelihoods(tried), np.log(tried.exposures)) < exposure.VAGUE) == agreed
+
+
+@pytest.mark.parametrize("growth", [-1.0, 0.0, 0.8])
+def test_automatic_exposure_shows_as_an_even_change_from_frame_to_frame(growth: float) -> None:
+    steps = np.log(exposure.RATIO)
+    times = np.linspace(-0.5, 0.5, 12)
+    tried = blurred(10 + growth * times / steps, times=times)
+    shown = exposure._shown(exposure._likelihoods(tried).sum(axis=0))
+    assert shown.sum(axis=0) @ exposure.CHANGES == pytest.approx(growth, abs=0.15)
+    assert shown.sum(axis=1) @ np.log(tried.exposures) == pytest.approx(10 * steps, abs=steps)
+
+
+def test_frames_are_exposed_about_the_middles_that_they_had() -> None:
+    camera = camera_of(96, 601, readout=0.02, focal=700.0)
+    run = gather(grain(96, 601), camera, Settings())
+    changed = run.exposed(np.array([0.005, 0.03]))
+    for k, seconds in enumerate([0.005, 0.03]):
+        assert changed.timing(k).exposure == changed.scenes[k].camera.timing.exposure == changed.wide[k].camera.timing.exposure == seconds
+        assert changed.opens(k) + changed.timing(k).middle == pytest.approx(run.begins[k] + camera.timing.middle)
 
 
 @pytest.mark.parametrize("rows", [96, 129])
@@ -66,6 +84,14 @@ def test_a_long_blur_is_measured_over_the_whole_width_of_a_frame() -> None:
     short, long = (scene_at(run, 0, None, blur) for blur in (3.0, 30.0))
     assert short.camera.intrinsics.cols == COLS
     assert (long.scale, long.camera.intrinsics.cols) == (0.5, 300)
+
+
+def blurred(dips: Sequence[float], depth: float = 1.0, times: np.ndarray | None = None) -> exposure._Tried:
+    """Frames whose misfits are least at the exposures of these numbers."""
+    numbers = np.arange(20.0)
+    misfits = depth * np.array([1 - np.exp(-((numbers - dip) ** 2) / 4) for dip in dips])
+    times = np.zeros(len(misfits)) if times is None else times
+    return exposure._Tried(exposures=exposure.RATIO**numbers, frames=[*range(len(misfits))], times=times, misfits=misfits)
 
 
 def grain(rows: int, cols: int) -> list[Frame]:

@@ -1,5 +1,6 @@
 """One path through a run of frames: what tracks say of it, what blur adds, and how its pieces join."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Literal
 
@@ -9,9 +10,11 @@ import pytest
 from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Trajectory
+from rsvideo.physics.trajectory import Polynomial, Trajectory
+from rsvideo.progress import Observer, ignore
 from rsvideo.restoration import multi_frame, single_frame
-from rsvideo.restoration.clip_motion import movement
+from rsvideo.restoration.clip_motion import gather
+from rsvideo.restoration.clip_motion import movement as of_run
 from rsvideo.restoration.movement import Evidence, Movement, joined
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.settings import Settings
@@ -28,6 +31,10 @@ def pieces(path: Trajectory, timing: ShutterTiming) -> tuple[list[tuple[np.ndarr
     middles = path.at(BEGINS + timing.middle)
     each = [(local, path.at(local + t) - middle) for t, middle in zip(BEGINS, middles, strict=True)]
     return each, np.vstack([np.diff(middles, axis=0), np.zeros((1, middles.shape[1]))])
+
+
+def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore) -> Movement:
+    return of_run(gather(frames, camera, settings, observe))
 
 
 def taken_by(moving: Moving) -> Camera:
@@ -96,6 +103,19 @@ def test_a_cut_ends_one_path_and_frames_without_a_neighbour_stand_alone() -> Non
     alone = movement(frames[2:], taken_by(first), Settings())
     assert alone.within == [None]
     np.testing.assert_array_equal(alone.steps, np.zeros((1, 3)))
+
+
+def test_each_frame_is_restored_with_its_own_exposure() -> None:
+    moving = Moving(frames=3, reach=12.0)
+    middles = moving.path.at(moving.begins + moving.timing.middle)
+    shutters = [replace(moving.timing, exposure=seconds) for seconds in (0.01, 0.02, 0.03)]
+    path = [Polynomial(t0=0.0, t1=each.interval[1], coefficients=np.array([[0, 0, 0], [4.0, 0, 0]])) for each in shutters]
+    steps = np.diff(middles, axis=0, append=middles[-1:])
+    given = Movement(within=[*path], steps=steps, tied=[True, True, False], exposures=[0.01, 0.02, 0.03])
+    results = list(multi_frame.restored(moving.recorded, given, taken_by(moving), Settings(quality="draft")))
+    assert [result.timing.exposure for result in results] == [0.01, 0.02, 0.03]
+    assert [result.trajectory.t1 for result in results] == pytest.approx([0.03, 0.04, 0.05])
+    assert [camera.timing.exposure for camera in given.part(1, 3).cameras(taken_by(moving))] == [0.02, 0.03]
 
 
 def with_a_stranger() -> tuple[Moving, list[Frame], Movement]:
