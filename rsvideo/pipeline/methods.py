@@ -15,6 +15,7 @@ from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import clip_motion, exposure, multi_frame, search, single_frame
+from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
@@ -32,7 +33,7 @@ class Treatment:
     gyro: Gyro | None  # of the methods that need one
     camera: Camera
     timing_source: str  # where the timing comes from, for the record
-    exposure_open: bool = False  # whether nobody states it, so that automatic exposure may change it from frame to frame
+    exposure_spread: float | None = None  # in its logarithm, by which that of a part of a clip may differ; None: it is stated
 
     @property
     def estimate(self) -> Estimator:
@@ -66,9 +67,14 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
     if treatment.method.rectifies:
         return rectify.movement(frames, camera, settings, observe)
     if treatment.method is Method.RSVIDEO and settings.frames != "cold":
-        run = clip_motion.gather(frames, camera, settings, observe)
-        return clip_motion.movement(run.exposed(exposure.of_each(run)) if treatment.exposure_open else run)
+        return clip_motion.movement(run_of(treatment, frames, observe))
     return Movement.unfollowed(len(begins), 3)
+
+
+def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ignore) -> Run:
+    """Successive frames as their motion is estimated, exposed as they show where nobody states it."""
+    run = clip_motion.gather(frames, treatment.camera, treatment.settings, observe)
+    return run if treatment.exposure_spread is None else run.exposed(exposure.of_each(run, treatment.exposure_spread))
 
 
 def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe: Observer = ignore) -> Iterator[FrameResult]:

@@ -3,13 +3,14 @@
 A photograph is one frame without neighbours; what else differs is how it is opened (`take`, `clip_facts`).
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
-from rsvideo.config.request import Camera, Deblur, Motion, Request
+from rsvideo.config.request import Camera, Deblur, Measured, Motion, Request
 from rsvideo.frame import SMALLEST
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
@@ -19,6 +20,7 @@ from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Take
 from rsvideo.pipeline.tracked import tracked
+from rsvideo.restoration import exposure
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing, usual
 from rsvideo.shooting.fact import Fact
@@ -96,7 +98,7 @@ class Task:
             gyro=self.gyro,
             camera=physics.Camera(timing=self.timing, intrinsics=self.camera.intrinsics, noise=self.camera.sensor_noise),
             timing_source=self.timing_source,
-            exposure_open=self.shutter.exposure_open,
+            exposure_spread=(math.inf if self.shutter.exposure.assumed else exposure.ABOUT) if self.shutter.exposure_open else None,
         )
 
     @property
@@ -175,8 +177,8 @@ def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Re
     from rsvideo.pipeline import measuring
 
     if request.measured is None:
-        if request.preview and not measuring.unstated(request.camera, opened.shutter):  # a preview shows what is stated, a job checks it
-            return request, opened
+        if request.preview:  # which shows what is stated, or assumed; a job measures it
+            return request, measuring.settled(opened, Measured()) if measuring.unstated(request.camera, opened.shutter) else opened
         request = request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
     return request, measuring.settled(opened, request.measured)
 

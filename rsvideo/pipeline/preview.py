@@ -32,6 +32,7 @@ from rsvideo.stills.still import Format
 
 HALVED = 400  # px of the shorter side, from which on a preview is of half the size
 AROUND, FEWER_AROUND = 2, 1  # frames before and behind, that the motion is found with; at half size
+MORE_AROUND = 4  # where they are to show their exposure, too: five frames leave it open by a quarter, nine by a tenth
 _NOISE = 0.5  # of a pixel that is the mean of four
 _MOST_KEPT = 2  # sets of decoded frames: of half and of full size
 _KEPT: dict[object, list[Frame]] = {}
@@ -49,8 +50,17 @@ def carry_out(task: Task, observe: Observer) -> Outcome:
     codes = np.ascontiguousarray(np.rot90(on_screen(result.latent, transfer(task)), turns))
     write_whole({request.output: Format.of_output(request.output).module.encode(Codes(samples=codes))})
     which = f"frame {result.frame.index} " if request.is_clip else ""
-    notes = (*task.notes, f"{which}as a draft of {codes.shape[1]} x {codes.shape[0]} px")
+    notes = (*task.notes, *_assumed(task, result), f"{which}as a draft of {codes.shape[1]} x {codes.shape[0]} px")
     return Outcome(notes=notes, seconds=time.monotonic() - begun, verdict=result.verdict)
+
+
+def _assumed(task: Task, result: FrameResult) -> tuple[str, ...]:
+    """Which timing a preview has that nobody states, and that it has no time to measure."""
+    shutter, shown = task.shutter, result.timing
+    exposure = "is assumed" if shown.exposure == shutter.timing.exposure else "is what its blur shows"
+    words = (f"exposure {1e3 * shown.exposure:.3g} ms {exposure}",) if shutter.exposure.assumed else ()
+    words += (f"readout {1e3 * shown.readout:.3g} ms is assumed",) if shutter.readout.assumed else ()
+    return (f"{', '.join(words)}: a preview is not measured as a job is, by forty frames",) if words else ()
 
 
 def alone(task: Task) -> Task:
@@ -118,6 +128,8 @@ def _photograph(shown: Task, task: Task, observe: Observer) -> FrameResult:
 
 def _clip(shown: Task, task: Task, first: int, last: int, observe: Observer) -> Iterator[FrameResult]:
     around = AROUND if shown is task else FEWER_AROUND
+    if task.shutter.exposure.assumed:
+        around = MORE_AROUND
     frames = _decoded(shown, task, max(task.first, first - around), min(task.last, last + 1 + around))
     mine = [k for k, frame in enumerate(frames) if first <= frame.index <= last]
     if not mine:
@@ -135,7 +147,7 @@ def _movement(shown: Task, task: Task, frames: Sequence[Frame], mine: Sequence[i
         return given_movement.of_pictures(given, treatment.camera, times)
     if treatment.method is not Method.RSVIDEO or treatment.settings.frames == "cold":
         return methods.movement(treatment, frames, np.array([frame.time for frame in frames]), observe)
-    run = clip_motion.gather(frames, treatment.camera, treatment.settings, observe)
+    run = methods.run_of(treatment, frames, observe)
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
     wanted = run.followed & np.isin(np.arange(len(frames)), mine)

@@ -43,6 +43,7 @@ PLAIN = 2.5  # px of blur, which an answer must leave in the middle one of these
 SURE = 0.975  # of what is shown: exposures beyond are too long
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
 SHOWS = 2.0  # px of blur at the clip's exposure, from which on a frame helps to follow automatic exposure
+ROUGHLY = 0.4  # the same for some frames of a clip whose exposure is assumed: one deviation less is nearer to it than the assumption
 STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes; origin: by trial
 CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
 ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
@@ -89,7 +90,7 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     mean = float(shown @ logarithms)
     value = float(np.exp(mean))
     deviation = max(float(np.sqrt(shown @ (logarithms - mean) ** 2)), _disagreement(likely, logarithms))
-    blur = float(np.median([_length(run, path, k, value) for k in tried.frames]))
+    blur = _middle_length(run, path, tried.frames, value)
     surely = value * max(float(np.exp(2 * deviation)), PLAIN / max(blur, _LEAST_BLUR))
     most = max(float(tried.exposures[np.searchsorted(np.cumsum(shown), SURE)]), surely)
     if deviation > VAGUE:
@@ -99,26 +100,31 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     return Exposure(value=value, deviation=value * float(np.hypot(deviation, np.log(RATIO) / np.sqrt(12))), blur=blur)
 
 
-def of_each(run: Run) -> Float[np.ndarray, " frames"]:
+def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     """The exposure of each frame, s, as automatic exposure changes it about the one that the run's camera has.
 
-    Where too few frames are blurred, or where they do not agree, it is the camera's.
+    `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
+    few frames are blurred, or where they do not agree, each has the camera's.
     """
-    about = run.camera.timing.exposure
-    if len(run.begins) < FEWEST:
+    about, reach = run.camera.timing.exposure, FARTHEST if np.isfinite(spread) else np.inf
+    if len(run.begins) < FEWEST or not run.followed.any():
         return run.exposures
     period = float(np.median(np.diff(run.begins)))
     path = path_from_tracks(run)
-    frames = [k for k in _most_moving(run, path) if _length(run, path, k, about) > SHOWS]
-    shortest, longest = max(about / FARTHEST, period * SHORTEST), min(about * FARTHEST, period)
+    shortest, longest = max(about / reach, period * SHORTEST), min(about * reach, period)
+    frames = [k for k in _most_moving(run, path) if _length(run, path, k, about) > SHOWS or not np.isfinite(spread)]
     tried = _tried(run, path, frames, _ratios(shortest, longest), period)
     if isinstance(tried, Unclear):
         return run.exposures
     logarithms = np.log(tried.exposures)
-    prior = -np.log1p(((logarithms - np.log(about)) / ABOUT) ** 2)
+    prior = -np.log1p(((logarithms - np.log(about)) / spread) ** 2)
     shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
     x, y = float(shown.sum(axis=1) @ logarithms), float(shown.sum(axis=0) @ CHANGES)
-    if shown.sum(axis=1) @ (logarithms - x) ** 2 > VAGUE**2:
+    deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
+    if deviation > VAGUE:
+        x -= deviation  # a shorter exposure is the milder error
+    vague = deviation > (VAGUE if np.isfinite(spread) else ROUGHLY)
+    if vague or _middle_length(run, path, tried.frames[:FEWEST], float(np.exp(x))) < SHOWS:
         return run.exposures
     return np.clip(np.exp(x + y * (run.begins - _middle(run))), period * SHORTEST, period)
 
@@ -182,6 +188,11 @@ def _length(run: Run, path: CameraPath, k: int, exposure: float) -> float:
     """Of the blur in px that an exposure leaves in a frame."""
     timing = replace(run.camera.timing, exposure=float(exposure))
     return longest(replace(run.camera, timing=timing), within(path.spline, _begins(run, k, exposure), timing))
+
+
+def _middle_length(run: Run, path: CameraPath, frames: Sequence[int], exposure: float) -> float:
+    """Of the blur in px that an exposure leaves in the middle one of some frames."""
+    return float(np.median([_length(run, path, k, exposure) for k in frames]))
 
 
 def _begins(run: Run, k: int, exposure: float) -> float:

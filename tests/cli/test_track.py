@@ -169,7 +169,7 @@ def test_what_a_clip_shows_of_its_shutter_goes_into_its_track(tmp_path: Path, mo
 def test_what_each_frame_shows_of_its_exposure_goes_into_the_track_and_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = [0.012, 0.015, 0.019, 0.024]
     monkeypatch.setattr(measuring, "measured", lambda *_: Measured(exposure=0.021, readout=0.018, focal=200.0))
-    monkeypatch.setattr(exposure, "of_each", lambda _: np.array(found))
+    monkeypatch.setattr(exposure, "of_each", lambda *_: np.array(found))
     source = encode(tmp_path / "moving.mkv", [coded(rendering.blurred) for rendering in CLIP.renderings])
     output = tmp_path / "a.rsvideo.json"
     carry_out(task := prepare(Request(source=source, output=output, motion_only=True)), ignore)

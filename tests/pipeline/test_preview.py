@@ -8,9 +8,10 @@ import pytest
 
 from rsvideo.config.request import Request, Sections
 from rsvideo.frame import Verdict
-from rsvideo.pipeline import deblur, preview
+from rsvideo.pipeline import deblur, measuring, preview
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import ignore
+from rsvideo.restoration import exposure
 from tests.pipeline.moving import Moving, luma
 
 CLIP = Moving(frames=5, rows=192, cols=320, reach=32)
@@ -52,6 +53,15 @@ def test_the_middle_frame_of_a_clip_is_sharper(source: Path, tmp_path: Path, tim
     size = found.shape[1::-1]
     before, truth = (cv2.resize(each[2].astype(np.float32), size, interpolation=cv2.INTER_AREA) for each in (luma(source), CLIP.truth))
     assert decibels(as_luma(found), truth) > decibels(before, truth) + 2
+
+
+def test_what_nobody_states_is_not_measured_for_a_preview(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measuring, "measured", lambda *_: pytest.fail("that takes longer than the preview"))
+    monkeypatch.setattr(exposure, "of_each", lambda run, _: np.full(len(run.begins), 0.015))
+    bare = Request.of(source, tmp_path / "out.png", Sections()).replaced(preview=True)
+    done = deblur.carry_out(prepare(bare), ignore)
+    words = "exposure 15 ms is what its blur shows, readout 10.4 ms is assumed: a preview is not measured as a job is, by forty frames"
+    assert words in done.notes
 
 
 def test_half_a_picture_is_that_of_half_a_camera(source: Path, tmp_path: Path) -> None:

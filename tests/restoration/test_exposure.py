@@ -61,6 +61,24 @@ def test_automatic_exposure_shows_as_an_even_change_from_frame_to_frame(growth: 
     assert shown.sum(axis=1) @ np.log(tried.exposures) == pytest.approx(10 * steps, abs=steps)
 
 
+@pytest.mark.parametrize(("assumed", "spread"), [(0.018, exposure.ABOUT), (0.006, np.inf)])
+def test_each_frame_has_the_exposure_that_its_part_of_the_clip_shows(
+    assumed: float, spread: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = taken(MOVING.recorded, assumed)
+    true = 0.02 * np.exp(0.8 * (run.begins - run.begins.mean()))
+    monkeypatch.setattr(exposure, "_misfit", lambda _run, _path, k, _scene, _patches, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
+    assert exposure.of_each(run, spread) == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
+
+
+def test_frames_that_show_no_exposure_have_that_of_the_clip(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = taken(MOVING.recorded, 0.018)
+    monkeypatch.setattr(exposure, "_misfit", lambda *_: 0.0)
+    for spread in (exposure.ABOUT, np.inf):
+        np.testing.assert_array_equal(exposure.of_each(run, spread), np.full(8, 0.018))
+    np.testing.assert_array_equal(exposure.of_each(taken(MOVING.recorded[:2], 0.018)), [0.018, 0.018])
+
+
 def test_frames_are_exposed_about_the_middles_that_they_had() -> None:
     camera = camera_of(96, 601, readout=0.02, focal=700.0)
     run = gather(grain(96, 601), camera, Settings())
