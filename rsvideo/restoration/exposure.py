@@ -106,14 +106,14 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
     few frames are blurred, or where they do not agree, each has the camera's.
     """
-    about, reach = run.camera.timing.exposure, FARTHEST if np.isfinite(spread) else np.inf
+    about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
         return run.exposures
     period = float(np.median(np.diff(run.begins)))
-    path = path_from_tracks(run)
-    shortest, longest = max(about / reach, period * SHORTEST), min(about * reach, period)
-    frames = [k for k in _most_moving(run, path) if _length(run, path, k, about) > SHOWS or not np.isfinite(spread)]
-    tried = _tried(run, path, frames, _ratios(shortest, longest), period)
+    path, reach = path_from_tracks(run), np.inf if assumed else FARTHEST
+    frames = [k for k in _most_moving(run, path) if assumed or _length(run, path, k, about) > SHOWS]
+    exposures = _ratios(max(about / reach, period * SHORTEST), min(about * reach, period))
+    tried = _tried(run, path, frames, exposures, period)
     if isinstance(tried, Unclear):
         return run.exposures
     logarithms = np.log(tried.exposures)
@@ -121,10 +121,12 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
     x, y = float(shown.sum(axis=1) @ logarithms), float(shown.sum(axis=0) @ CHANGES)
     deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
+    if deviation > (ROUGHLY if assumed else VAGUE):
+        return run.exposures
     if deviation > VAGUE:
         x -= deviation  # a shorter exposure is the milder error
-    vague = deviation > (VAGUE if np.isfinite(spread) else ROUGHLY)
-    if vague or _middle_length(run, path, tried.frames[:FEWEST], float(np.exp(x))) < SHOWS:
+    better = tried.frames[: max(FEWEST, len(tried.frames) // 2)]
+    if assumed and _middle_length(run, path, better, float(np.exp(x))) < PLAIN:
         return run.exposures
     return np.clip(np.exp(x + y * (run.begins - _middle(run))), period * SHORTEST, period)
 
@@ -158,9 +160,8 @@ def _likelihoods(tried: _Tried) -> Float[np.ndarray, "frames tried changes"]:
     each = np.exp(-INDEPENDENT * (tried.misfits - tried.misfits.min(axis=1, keepdims=True)))
     alone = np.log((1 - ASTRAY) * each / each.sum(axis=1, keepdims=True) + ASTRAY / each.shape[1])
     at = np.log(tried.exposures)
-    return np.array([[np.interp(at + y * t, at, frame) for y in CHANGES] for t, frame in zip(tried.times, alone, strict=True)]).swapaxes(
-        1, 2
-    )
+    shifted = [[np.interp(at + y * t, at, frame) for y in CHANGES] for t, frame in zip(tried.times, alone, strict=True)]
+    return np.array(shifted).swapaxes(1, 2)
 
 
 def _shown(logarithm: Float[np.ndarray, "tried changes"]) -> Float[np.ndarray, "tried changes"]:

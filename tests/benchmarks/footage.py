@@ -1,13 +1,14 @@
 """Restore real scenes blurred and sheared afresh, and print what each frame gained, and how many frames were harmed.
 
-    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|FACTOR ...] [--only NAME ...]
+    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|steady|FACTOR ...] [--only NAME ...]
         [--set ROOM.NUMBER=VALUE ...] [--json FILE]
 
 CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp4, truth.mp4 and case.json with exposure_s and readout_s.
-`stated` gives both numbers, `none` gives nothing at all, and a FACTOR gives the readout and so many times the exposure, of a frame's period
-at most: what a wrong number does. RESULTS gets NAME.WAY.mkv and its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are
-after the best shift and scale of each whole frame. Frames count as blurred where the middle one of all pixels moves by more than 2 px while
-the middle scanline is open. A wrong exposure counts as told where the command warns of it in any way.
+`stated` gives both numbers, `none` gives nothing at all, `steady` takes what `none` measures in the clip's middle for all of it, and a
+FACTOR gives the readout and so many times the exposure, of a frame's period at most: what a wrong number does. RESULTS gets NAME.WAY.mkv
+and its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are after the best shift and scale of each whole frame. Frames
+count as blurred where the middle one of all pixels moves by more than 2 px while the middle scanline is open. A wrong exposure counts as
+told where the command warns of it in any way.
 
 A restoration depends on the shutter that is settled for it: ways that settle the same one share it. --set tries other numbers of
 rsvideo.restoration than the present ones: trust.OUT_OF_FOCUS=-0.004.
@@ -17,6 +18,7 @@ import argparse
 import json
 import resource
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -38,7 +40,7 @@ WARNINGS = "blur is", "does not show"
 def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
     """What the command would be asked."""
     stated: dict = {"encoding": {"codec": "ffv1"}}
-    if way != "none":
+    if way not in ("none", "steady"):
         factor = 1.0 if way == "stated" else float(way)
         stated["camera"] = {"exposure": min(factor * facts["exposure_s"], 1 / facts["fps"]), "readout": facts["readout_s"]}
     return Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
@@ -49,12 +51,15 @@ def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.nd
     facts = json.loads((case / "case.json").read_text())
     truth, before = (luma(case / name) for name in ("truth.mp4", "clip.mp4"))
     blur = np.array(facts.get("blur_px", [facts["blur_extent_px"]] * len(truth)))
-    settled: dict[tuple[float, float], tuple[np.ndarray, list[str], tuple[str, ...]]] = {}
+    settled: dict[tuple[float, float, bool], tuple[np.ndarray, list[str], tuple[str, ...]]] = {}
     rows = []
     for way in ways:
         output = folder / f"{case.name}.{way}.mkv"
         task = prepare(request_of(case, way, facts, output))
-        shutter = task.timing.exposure, task.timing.readout
+        if way == "steady":  # as if somebody had stated what the clip's middle shows
+            stated = replace(task.shutter.exposure, source=way, assumed=False)
+            task = replace(task, shutter=replace(task.shutter, exposure=stated))
+        shutter = task.timing.exposure, task.timing.readout, task.shutter.exposure_open
         if shutter not in settled:
             outcome = deblur.carry_out(task, ignore)
             records = json.loads(task.request.record.read_text())["frames"]
