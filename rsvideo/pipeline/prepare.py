@@ -98,8 +98,18 @@ class Task:
             gyro=self.gyro,
             camera=physics.Camera(timing=self.timing, intrinsics=self.camera.intrinsics, noise=self.camera.sensor_noise),
             timing_source=self.timing_source,
-            exposure_spread=(math.inf if self.shutter.exposure.assumed else exposure.ABOUT) if self.shutter.exposure_open else None,
+            exposure_spread=self._exposure_spread,
         )
+
+    @property
+    def _exposure_spread(self) -> float | None:
+        """A treatment's. Where a job's frames show no readout, not even a likely one, their path shows no exposure."""
+        if not self.shutter.exposure_open:
+            return None
+        if not self.shutter.exposure.assumed:
+            return exposure.ABOUT
+        measured = self.request.measured
+        return None if measured and measured.readout is None else math.inf
 
     @property
     def picture_bytes(self) -> int:

@@ -104,7 +104,8 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     """The exposure of each frame, s, as automatic exposure changes it about the one that the run's camera has.
 
     `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
-    few frames are blurred, or where they do not agree, each has the camera's.
+    few frames are blurred, or where they do not agree, each has the camera's. A clip that does not show its exposure, because its path is
+    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same.
     """
     about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
@@ -119,7 +120,7 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     logarithms = np.log(tried.exposures)
     prior = -np.log1p(((logarithms - np.log(about)) / spread) ** 2)
     shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
-    x, y = float(shown.sum(axis=1) @ logarithms), float(shown.sum(axis=0) @ CHANGES)
+    x, y = float(shown.sum(axis=1) @ logarithms), 0.0 if assumed else float(shown.sum(axis=0) @ CHANGES)
     deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
     if deviation > (ROUGHLY if assumed else VAGUE):
         return run.exposures

@@ -1,11 +1,18 @@
 """What a clip shows of its shutter, and what is usual of cameras."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from calibration.timing.cannot_tell import Likeliest
+from rsvideo.config.request import Measured, Request, Sections
+from rsvideo.pipeline import measuring
 from rsvideo.pipeline.measuring import with_usual
+from rsvideo.pipeline.prepare import prepare
+from rsvideo.restoration import exposure
 from rsvideo.shooting.usual import READOUT, READOUT_SPREAD
+from tests.video.clips import make
 
 PERIOD = 1 / 30
 
@@ -23,3 +30,22 @@ def test_a_vague_readout_is_drawn_to_the_usual_one_as_the_product_of_both_densit
 @pytest.mark.parametrize("shown", [None, Likeliest(readout=-0.01, std=0.002)])
 def test_no_readout_is_assumed_by_motion_that_shows_none_in_this_direction(shown: Likeliest | None) -> None:
     assert with_usual(shown, PERIOD) == (None, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("shown", "words", "spread"),
+    [
+        (Measured(exposure=0.02, readout=0.01), {}, exposure.ABOUT),
+        (Measured(exposure=0.02, readout=0.01), {"exposure": 0.02}, None),
+        (Measured(exposure=0.02, deviation=1e-4, readout=0.01), {"exposure": 0.04}, exposure.ABOUT),
+        (Measured(readout=0.01), {}, np.inf),
+        (Measured(), {}, None),
+    ],
+)
+def test_frames_show_their_own_exposure_where_nobody_states_it_and_their_path_can_be_right(
+    shown: Measured, words: dict[str, float], spread: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measuring, "measured", lambda *_: shown)
+    source = make(tmp_path / "in.mkv")
+    request = Request.of(source, tmp_path / "out.mkv", Sections.model_validate({"camera": words}))
+    assert prepare(request).treatment.exposure_spread == spread

@@ -61,12 +61,14 @@ def test_automatic_exposure_shows_as_an_even_change_from_frame_to_frame(growth: 
     assert shown.sum(axis=1) @ np.log(tried.exposures) == pytest.approx(10 * steps, abs=steps)
 
 
-@pytest.mark.parametrize(("assumed", "spread"), [(0.018, exposure.ABOUT), (0.006, np.inf)])
+@pytest.mark.parametrize(
+    ("assumed", "spread", "change"), [(0.018, exposure.ABOUT, 0.8), (0.018, exposure.ABOUT, -0.8), (0.006, np.inf, 0.0)]
+)
 def test_each_frame_has_the_exposure_that_its_part_of_the_clip_shows(
-    assumed: float, spread: float, monkeypatch: pytest.MonkeyPatch
+    assumed: float, spread: float, change: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = taken(MOVING.recorded, assumed)
-    true = 0.02 * np.exp(0.8 * (run.begins - run.begins.mean()))
+    true = 0.02 * np.exp(change * (run.begins - run.begins.mean()))
     monkeypatch.setattr(exposure, "_misfit", lambda _run, _path, k, _scene, _patches, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
     assert exposure.of_each(run, spread) == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
 
