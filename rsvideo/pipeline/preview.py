@@ -148,14 +148,8 @@ def _movement(shown: Task, task: Task, frames: Sequence[Frame], mine: Sequence[i
     if treatment.method is not Method.RSVIDEO or treatment.settings.frames == "cold":
         return methods.movement(treatment, frames, np.array([frame.time for frame in frames]), observe)
     run = methods.run_of(treatment, frames, observe)
-    if not run.followed.any():
-        return Movement.unfollowed(len(run.begins), run.axes)
-    wanted = run.followed & np.isin(np.arange(len(frames)), mine)
-    tracked = clip_motion.path_from_tracks(run)
     observe(Progress(stage="blur", fraction=0.2))
-    path = clip_motion.refined_by_blur(run, tracked, wanted)
-    evidence = clip_motion.evidence(run, path, share=clip_motion.share(run, tracked))
-    return replace(clip_motion.movement_of(run, path.spline, run.followed), evidence=evidence)
+    return clip_motion.movement(run, np.isin(np.arange(len(frames)), mine))
 
 
 def _decoded(shown: Task, task: Task, first: int, last: int) -> list[Frame]:

@@ -69,17 +69,18 @@ class Run:
 
     def timing(self, k: int) -> ShutterTiming:
         """Of frame k."""
-        return replace(self.camera.timing, exposure=float(self.exposures[k]))
+        return self.camera.exposed(float(self.exposures[k])).timing
 
-    def opens(self, k: int) -> float:
-        """When the first scanline of frame k opens: the middle of its interval does not depend on its exposure."""
-        return float(self.begins[k]) + (self.camera.timing.exposure - float(self.exposures[k])) / 2
+    def opens(self, k: int, exposure: float | None = None) -> float:
+        """When the first scanline of frame k opens, or would with another exposure: the middle of its interval does not depend on that."""
+        seconds = float(self.exposures[k]) if exposure is None else exposure
+        return float(self.begins[k]) + (self.camera.timing.exposure - seconds) / 2
 
     def exposed(self, exposures: Float[np.ndarray, " frames"]) -> "Run":
         """The same frames, exposed so many seconds each about the same middles."""
         longest = float(exposures.max())
         before = self.camera.timing.exposure
-        run = self.taken_by(replace(self.source_camera, timing=replace(self.source_camera.timing, exposure=longest)))
+        run = self.taken_by(self.source_camera.exposed(longest))
 
         def taken(scenes: list[Scene]) -> list[Scene]:
             return [replace(s, camera=s.camera.exposed(float(e))) for s, e in zip(scenes, exposures, strict=True)] if scenes else []
@@ -117,18 +118,13 @@ class Run:
         return np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(tied))], bool)
 
 
-def movement(run: Run) -> Movement:
-    """The motion that points and blur of a run show, in image axes."""
+def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Movement:
+    """The motion that points and blur of a run show, in image axes; blur of those `frames` only, if they are given."""
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
     tracked = path_from_tracks(run)
-    path = refined_by_blur(run, tracked, run.followed)
-    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share(run, tracked)))
-
-
-def share(run: Run, tracked: CameraPath) -> float:
-    """Of a restoration, how much the blur of the run allows, along the path that its points show."""
-    return run_share(_votes(run, tracked))
+    path = refined_by_blur(run, tracked, run.followed if frames is None else run.followed & frames)
+    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=run_share(_votes(run, tracked))))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -218,8 +214,9 @@ def _votes(run: Run, path: CameraPath) -> list[tuple[float, float]]:
     """What each frame that is blurred enough says of a path that was found without blur."""
     flows_beside, wanted = beside(run, path), []
     for k, exposure in enumerate(run.exposures):
-        cut = within(path.spline, run.opens(k), run.timing(k))
-        if (length := longest(run.camera.exposed(float(exposure)), cut)) > SHORT:
+        camera = run.camera.exposed(float(exposure))
+        cut = within(path.spline, run.opens(k), camera.timing)
+        if (length := longest(camera, cut)) > SHORT:
             wanted.append((scene_at(run, k, flows_beside[k], length), cut))
     return threads.each(lambda each: vote(*each), wanted)
 

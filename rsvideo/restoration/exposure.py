@@ -112,7 +112,7 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
         return run.exposures
     period = float(np.median(np.diff(run.begins)))
     path, reach = path_from_tracks(run), np.inf if assumed else FARTHEST
-    frames = [k for k in _most_moving(run, path) if assumed or _length(run, path, k, about) > SHOWS]
+    frames = _most_moving(run, path, -np.inf if assumed else SHOWS)
     exposures = _ratios(max(about / reach, period * SHORTEST), min(about * reach, period))
     tried = _tried(run, path, frames, exposures, period)
     if isinstance(tried, Unclear):
@@ -179,27 +179,22 @@ def _disagreement(likely: Float[np.ndarray, "frames tried changes"], logarithms:
     return float(np.sqrt((len(without) - 1) * without.var()))
 
 
-def _most_moving(run: Run, path: CameraPath) -> list[int]:
-    """The frames whose points were followed, those with most motion first."""
+def _most_moving(run: Run, path: CameraPath, least: float = -np.inf) -> list[int]:
+    """The frames whose points were followed, and that have more than `least` px of blur, those with most of it first."""
     lengths = np.array([_length(run, path, k, run.camera.timing.exposure) for k in range(len(run.begins))])
-    followed = np.flatnonzero(run.followed)
+    followed = np.flatnonzero(run.followed & (lengths > least))
     return followed[np.argsort(-lengths[followed], kind="stable")].tolist()
 
 
 def _length(run: Run, path: CameraPath, k: int, exposure: float) -> float:
     """Of the blur in px that an exposure leaves in a frame."""
-    timing = replace(run.camera.timing, exposure=float(exposure))
-    return longest(replace(run.camera, timing=timing), within(path.spline, _begins(run, k, exposure), timing))
+    camera = run.camera.exposed(float(exposure))
+    return longest(camera, within(path.spline, run.opens(k, float(exposure)), camera.timing))
 
 
 def _middle_length(run: Run, path: CameraPath, frames: Sequence[int], exposure: float) -> float:
     """Of the blur in px that an exposure leaves in the middle one of some frames."""
     return float(np.median([_length(run, path, k, exposure) for k in frames]))
-
-
-def _begins(run: Run, k: int, exposure: float) -> float:
-    """When the first scanline opens, if exposures of that length keep the middles that the run's have."""
-    return float(run.begins[k]) + (run.camera.timing.exposure - float(exposure)) / 2
 
 
 def _scene(run: Run, path: CameraPath, k: int, flow: Flow | None, period: float) -> Scene:
@@ -209,7 +204,7 @@ def _scene(run: Run, path: CameraPath, k: int, flow: Flow | None, period: float)
 
 def _misfit(run: Run, path: CameraPath, k: int, scene: Scene, observed: Patches, exposure: float) -> float:
     """m_k(e)."""
-    cut = within(path.spline, _begins(run, k, exposure), replace(run.camera.timing, exposure=float(exposure)))
-    scene = replace(scene, camera=replace(scene.camera, timing=replace(scene.camera.timing, exposure=float(exposure))))
+    cut = within(path.spline, run.opens(k, float(exposure)), run.camera.exposed(float(exposure)).timing)
+    scene = replace(scene, camera=scene.camera.exposed(float(exposure)))
     along, turned = misfits(scene, observed, cut)
     return along - SOFTNESS * turned
