@@ -1,25 +1,21 @@
 """Pictures blurred by a given motion, with their truth."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rsvideo.api import arrays
-from rsvideo.api.arrays import Light
 from rsvideo.api.camera import Camera
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
+from rsvideo.config import simulation
 from rsvideo.physics import staging
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.noise import Noise
-from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.simulate import MOST_GAIN, SAMPLES, USUAL_NOISE, extent, render
-from rsvideo.physics.staging import Motion, Stage
+from rsvideo.physics.shutter import RENDERED, ShutterTiming
+from rsvideo.physics.staging import Motion
 from rsvideo.physics.tone import Transfer
-from rsvideo.shooting import profiles
-from rsvideo.shooting.profiles import Facts
+from rsvideo.pipeline import simulated_photograph
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +50,7 @@ def simulate(
     seed: int = 0,
     gain: float = 1.0,
     size: tuple[int, int] | None = None,
-    samples: int = SAMPLES,
+    samples: int = RENDERED,
     transfer: str | None = None,
 ) -> Simulated:
     """Render what a rolling-shutter camera would record of a sharp picture while it moves.
@@ -89,76 +85,35 @@ def simulate(
         >>> shot.trajectory.at(shot.timing.interval[1]).round(6).tolist()  # px right, px down, rad of roll; 0 in the middle
         [3.0, 0.0, 0.0]
     """
-    light, facts = arrays.light("sharp", sharp, arrays.curve(sharp, transfer) or Transfer.SRGB), _facts(camera)
-    staged = _staged(light, shutter, camera, facts, motion=_motion(motion, seed), size=size, blur_px=blur_px)
-    shot = {"camera": staged.camera, "timing": staged.timing, "trajectory": staged.trajectory}
-    rng = np.random.default_rng([seed, 1])  # not the hand's numbers
-    rendering = render(light.pixels, **shot, noise=_noise(facts, noise), rng=rng, samples=samples, gain=_checked_gain(gain))
+    light = arrays.light("sharp", sharp, arrays.curve(sharp, transfer) or Transfer.SRGB)
+    optics = simulated_photograph.optics(_request(shutter, camera), noise)
+    if camera.distortion and optics.lens is None:
+        if size is None:
+            raise ValueError("size must be given to simulate with distortion, which belongs to a frame of that size")
+        optics = replace(optics, focal=None, lens=Intrinsics.centred(focal=camera.focal_px or 0.0, rows=size[0], cols=size[1]))
+    if optics.lens:
+        optics = replace(optics, lens=camera.bent(optics.lens))
+    simulated_photograph.check_gain(gain)
+    staged = optics.stage(light.pixels.shape[:2], _motion(motion, seed), frame=size, blur=blur_px)
+    rendering = simulated_photograph.rendered(light.pixels, staged, optics.noise, seed=seed, samples=samples, gain=gain)
     return Simulated(
         blurred=light.like_source(rendering.blurred),
         truth=light.like_source(rendering.truth),
         trajectory=Trajectory(curve=staged.trajectory),
         timing=staged.timing,
         camera=staged.camera,
-        blur_px=extent(**shot),
+        blur_px=staged.blur,
     )
 
 
-def _noise(facts: Facts | None, sigma: float | None) -> Noise:
-    """Of `sigma` at half of white, else the profile's, else the usual one."""
-    if sigma is None and facts and facts.noise:
-        return facts.noise
-    return Noise.at_half(USUAL_NOISE if sigma is None else sigma)
-
-
-def _facts(camera: Camera) -> Facts | None:
-    """What the camera's profile states, in its own pixels."""
-    if camera.profile is None:
-        return None
-    profile = profiles.find(camera.profile)
-    return profiles.for_clip(profile, profile.mode.rows, profile.mode.cols, None)[0]
-
-
-def _staged(
-    light: Light,
-    shutter: Shutter,
-    camera: Camera,
-    facts: Facts | None,
-    *,
-    motion: Motion,
-    size: tuple[int, int] | None,
-    blur_px: float | None,
-) -> Stage:
-    """The frame in the middle of the picture."""
-    readout = facts.readout.value if facts and facts.readout and shutter.readout is None else shutter.readout
-    if shutter.exposure is None or readout is None:
-        missing = "readout" if shutter.exposure else "exposure"
-        raise ValueError(f"{missing} must be given to simulate; Shutter(exposure='1/50', readout='20ms')")
-    lens = facts.intrinsics if facts and camera.focal_px is None else None
-    if camera.focal_px is None and lens is None:
-        raise ValueError("focal-px must be given to simulate; Camera(focal_px=...), or a profile that holds the lens")
-    if camera.distortion and lens is None:
-        if size is None:
-            raise ValueError("size must be given to simulate with distortion, which belongs to a frame of that size")
-        lens = Intrinsics.centred(focal=camera.focal_px or 0.0, rows=size[0], cols=size[1])
-    direction = facts.direction.value if facts and facts.direction else Direction.TOP_TO_BOTTOM
-    return staging.stage(
-        *light.pixels.shape[:2],
-        motion=motion,
-        focal=None if lens else camera.focal_px,
-        lens=camera.bent(lens) if lens else None,
+def _request(shutter: Shutter, camera: Camera) -> simulation.Camera:
+    return simulation.Camera(
+        profile=camera.profile,
         exposure=shutter.exposure,
-        readout=readout,
-        direction=shutter.direction or direction,
-        frame=size,
-        blur=blur_px,
+        readout=shutter.readout,
+        direction=shutter.direction,
+        focal_px=camera.focal_px,
     )
-
-
-def _checked_gain(gain: float) -> float:
-    if not (math.isfinite(gain) and 0 < gain <= MOST_GAIN):
-        raise ValueError(f"gain must lie in (0, {MOST_GAIN:g}], got {gain:g}")
-    return gain
 
 
 def _motion(motion: Mapping[str, Sequence[float]] | Trajectory | None, seed: int) -> Motion:

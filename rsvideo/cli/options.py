@@ -8,16 +8,20 @@ import inspect
 import os
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import typer
 from typer.core import TyperCommand
 
 if TYPE_CHECKING:
     from rsvideo.config.option import OptionField
-    from rsvideo.config.request import Request, Sections
+    from rsvideo.config.request import Request, Section, Sections
+    from rsvideo.config.simulation import Simulation
+
+    Model = TypeVar("Model", bound=Section)
 
 DirectionName = Literal["top-to-bottom", "bottom-to-top", "left-to-right", "right-to-left"]
 MOST_JOBS = 256  # processes at a time; more is a slip
@@ -32,12 +36,15 @@ Threads = Annotated[int | None, typer.Option(min=1, max=MOST_THREADS, help="[def
 _OFFERED = "__offered__"
 
 
-def offers(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Let a command take the options of these sections (`camera`) or fields (`input.rate`) of a request, as its parameter `given`."""
+def offers(*names: str, of: Literal["request", "simulation"] = "request") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Let a command take the options of these sections (`camera`) or fields (`input.rate`) of a request, as its parameter `given`.
+
+    `of` is the file of `rsvideo.config` that has them.
+    """
 
     def mark(command: Callable[..., Any]) -> Callable[..., Any]:
         signature = inspect.signature(command)
-        setattr(command, _OFFERED, (names, signature))
+        setattr(command, _OFFERED, (names, of, signature))
         own = [parameter for parameter in signature.parameters.values() if parameter.name != "given"]
         command.__signature__ = signature.replace(parameters=own)  # pyright: ignore[reportFunctionMemberAccess] # what typer reads
         return command
@@ -74,19 +81,31 @@ def request(source: Path, output: Path, given: Given, *, overwrite: bool = False
 
 def sections(given: Given) -> "Sections":
     """What options state, in the sections of a request."""
-    from pydantic import ValidationError
-
     from rsvideo.config.request import Sections, option_fields
+
+    return _validated(given, Sections, option_fields())
+
+
+def simulation(given: Given) -> "Simulation":
+    """What options state of a simulation."""
+    from rsvideo.config.simulation import Simulation, option_fields
+
+    return _validated(given, Simulation, option_fields())
+
+
+def _validated(given: Given, model: "type[Model]", fields: "tuple[OptionField, ...]") -> "Model":
+    """What options state, as a model; ValueError, in the command line's words, where one cannot be meant."""
+    from pydantic import ValidationError
 
     stated: dict[str, dict[str, Any]] = {}
     for key, value in given.items():
         section, _, name = key.partition(".")
         stated.setdefault(section, {})[name] = value
     try:
-        return Sections.model_validate(stated)
+        return model.model_validate(stated)
     except ValidationError as error:
         fault = error.errors(include_url=False)[0]
-        field = next(each for each in option_fields() if (each.section, each.name) == fault["loc"][:2])
+        field = next(each for each in fields if (each.section, each.name) == fault["loc"][:2])
         words = str(fault["msg"]).removeprefix("Value error, ").replace(field.name, field.name.replace("_", "-"), 1)
         own = fault["type"] == "value_error"
         raise ValueError(words if own else f"{field.flag}: {words[:1].lower()}{words[1:]}, got {fault['input']!r}") from error
@@ -109,10 +128,9 @@ def flag(key: str) -> str:
 
 def _complete(command: Callable[..., Any]) -> Callable[..., Any]:
     """The command as typer is to see it: a parameter for each option that it offers."""
-    from rsvideo.config.request import option_fields
-
-    names, signature = getattr(command, _OFFERED)
-    fields = {each.key.replace(".", "_"): each for each in option_fields() if each.section in names or each.key in names}
+    names, of, signature = getattr(command, _OFFERED)
+    options = import_module(f"rsvideo.config.{of}").option_fields()
+    fields: dict[str, OptionField] = {each.key.replace(".", "_"): each for each in options if {each.section, each.key} & {*names}}
 
     def called(**words: Any) -> Any:
         given = {fields[name].key: value for name, value in words.items() if name in fields and value is not None}

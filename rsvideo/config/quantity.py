@@ -77,10 +77,10 @@ def span(text: str) -> tuple[float, float]:
     return first, last
 
 
-def size(text: str, like: str = "1920x1080") -> tuple[int, int]:
-    """The columns and rows that `1920x1080` writes; `like` is the example of a refusal."""
+def size(text: str) -> tuple[int, int]:
+    """The columns and rows that `1920x1080` writes."""
     if not (found := _SIZE.fullmatch(_bounded("size", text))) or not 0 < int(found[1]) * int(found[2]) <= MOST_PIXELS:
-        raise ValueError(f"size must read like {like}, columns x rows, at most {MOST_PIXELS / 1e6:g} Mpx, got {text!r}")
+        raise ValueError(f"size must read like 1920x1080, columns x rows, at most {MOST_PIXELS / 1e6:g} Mpx, got {text!r}")
     return int(found[1]), int(found[2])
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+USUAL_NOISE = 0.003  # standard deviation at half of white: about that of a phone at a low sensitivity
+
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+RENDERED = 64  # instants of a scanline's exposure that a rendering averages; at 20 px of blur they lie 0.3 px apart
 LONGEST_MODELLED = 10.0  # seconds; an exposure or readout of this length or more is a slip of the unit on any stand
 
 

@@ -18,14 +18,12 @@ from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.resampling import add_sample
-from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.shutter import RENDERED, ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.threads import loop, spread
 
 BAND = 32  # scanlines rendered between two reports of progress, and before an interrupt stops the work; origin: by trial
-SAMPLES = 64  # time samples a scanline; at 20 px of blur they lie 0.3 px apart
-USUAL_NOISE = 0.003  # standard deviation at half of white: about that of a phone at a low sensitivity
 MOST_GAIN = 1000.0  # that multiplies light; more is no exposure that anybody means
 STILL = 1e-9  # px; a motion whose longest PSF is shorter does not move
 _INSTANTS = 257  # of a frame's interval, at which the reach of its motion is measured; origin: by trial
@@ -49,7 +47,7 @@ def render(
     trajectory: Trajectory,
     noise: Noise,
     rng: np.random.Generator,
-    samples: int = SAMPLES,
+    samples: int = RENDERED,
     gain: float = 1.0,
     observe: Observer = ignore,
 ) -> Rendering:
@@ -69,7 +67,7 @@ def blur(
     camera: Intrinsics,
     timing: ShutterTiming,
     trajectory: Trajectory,
-    samples: int = SAMPLES,
+    samples: int = RENDERED,
     observe: Observer = ignore,
 ) -> Float[np.ndarray, "rows cols channels"]:
     """The noiseless, unclipped light of each pixel: the mean over its scanline's exposure (Eq. 3), in float64."""

@@ -11,7 +11,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.gyro import GyroLog
 from rsvideo.physics.shake import STEADY, shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.simulate import margin, scaled_to
+from rsvideo.physics.simulate import extent, margin, scaled_to
 from rsvideo.physics.trajectory import Trajectory, centred, fit, still
 
 SMALLEST = 16  # px, either side of a frame
@@ -32,6 +32,11 @@ class Stage:
     camera: Intrinsics
     timing: ShutterTiming
     trajectory: Trajectory
+
+    @property
+    def blur(self) -> float:
+        """Px from end to end of the longest streak of any row."""
+        return extent(camera=self.camera, timing=self.timing, trajectory=self.trajectory)
 
 
 def of_log(log: GyroLog, *, start: float) -> Motion:

@@ -7,7 +7,6 @@ import numpy as np
 
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.physics.simulate import extent
 from rsvideo.physics.staging import Stage
 from rsvideo.shooting.given_motion import COLUMNS
 
@@ -43,7 +42,7 @@ def case_json(staged: Stage, more: Mapping[str, object]) -> bytes:
         "rows": camera.rows,
         "cols": camera.cols,
         "focal_px": camera.fx,
-        "blur_px": round(extent(camera=camera, timing=timing, trajectory=staged.trajectory), 3),
+        "blur_px": round(staged.blur, 3),
         **({"distortion": {"model": lens.model, "coefficients": lens.coefficients}} if lens else {}),
         **more,
     }

@@ -11,11 +11,12 @@ import cv2
 import numpy as np
 
 from rsvideo.config import memory, placing
+from rsvideo.config.quantity import frame_rate
 from rsvideo.config.request import Camera
+from rsvideo.config.simulation import Simulation
 from rsvideo.physics.filming import Pace, filmed
-from rsvideo.physics.noise import Noise
+from rsvideo.physics.noise import USUAL_NOISE, Noise
 from rsvideo.physics.scene_between import SMALLEST, Light
-from rsvideo.physics.simulate import USUAL_NOISE
 from rsvideo.pipeline import clip_frames
 from rsvideo.pipeline.simulated_case import shutter_facts
 from rsvideo.progress import Observer, Progress, ignore
@@ -46,6 +47,23 @@ class Filming:
     largest_side: int | None = None  # px, to which a larger source is averaged down
     noise: float = USUAL_NOISE  # standard deviation at half of white, in linear light
     seed: int = 0
+
+    @staticmethod
+    def of(source: Path, simulation: Simulation) -> "Filming":
+        """What a request states."""
+        film, grain = simulation.film, simulation.grain
+        return Filming(
+            source=source,
+            camera=simulation.camera,
+            last_exposure=film.last_exposure,
+            speed=film.speed,
+            rate=None if film.rate is None else frame_rate(film.rate),
+            first=film.first,
+            frames=film.frames,
+            largest_side=film.largest_side,
+            noise=USUAL_NOISE if grain.noise is None else grain.noise,
+            seed=grain.seed,
+        )
 
     def __post_init__(self) -> None:
         if self.frames is not None and self.frames < 1:

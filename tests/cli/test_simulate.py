@@ -9,11 +9,12 @@ import pytest
 import typer
 
 from rsvideo.cli import exit_codes
+from rsvideo.cli.options import RequestCommand
 from rsvideo.cli.simulate import simulate
 from tests.cli.forked import call
 
 VERB = typer.Typer()
-VERB.command()(simulate)
+VERB.command(cls=RequestCommand)(simulate)
 TIMING = ["--exposure", "1/50", "--readout", "20ms", "--focal-px", "300"]
 LOG = "\n".join(f"{k * 5_000_000} 0.1 0.5 -0.3" for k in range(100))
 
@@ -157,7 +158,7 @@ def test_a_profile_is_the_camera(photo, tmp_path):
 def test_a_profile_that_has_no_lens_needs_a_focal_length(photo, tmp_path):
     (tmp_path / "wide.yaml").write_text("name: Wide\nmode: {rows: 120, cols: 160}\n")
     line = refused(2, photo, "-o", tmp_path / "b.png", *TIMING[:4], "--shake", "--camera", tmp_path / "wide.yaml")
-    assert "--focal-px, the profile of Wide has no intrinsics" in line
+    assert "focal-px must be given to simulate, the profile of Wide has no intrinsics" in line
 
 
 @pytest.mark.slow
@@ -226,7 +227,7 @@ def test_an_existing_file_is_kept_unless_overwrite_is_given(photo, tmp_path):
         (["--shake", "--blur-px", "400"], "larger than"),
         (["--shake", "--noise", "3"], "8-bit"),
         (["--shake", "--gain", "0"], "gain"),
-        (["--shake", "--size", "10by20"], "640x400"),
+        (["--shake", "--size", "10by20"], "1920x1080"),
         (["--shake", "--size", "139x99", "--blur-px", "9"], "must hold"),
         (["--shake", "--size", "2000x1000"], "must hold"),
         (["--shake", "--size", "4x4"], "16 px"),
