@@ -16,6 +16,7 @@ from rsvideo.physics.shutter import RENDERED, ShutterTiming
 from rsvideo.physics.staging import Motion
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline import simulated_photograph
+from rsvideo.pipeline.simulated_photograph import Optics
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,13 +87,7 @@ def simulate(
         [3.0, 0.0, 0.0]
     """
     light = arrays.light("sharp", sharp, arrays.curve(sharp, transfer) or Transfer.SRGB)
-    optics = simulated_photograph.optics(_request(shutter, camera), noise)
-    if camera.distortion and optics.lens is None:
-        if size is None:
-            raise ValueError("size must be given to simulate with distortion, which belongs to a frame of that size")
-        optics = replace(optics, focal=None, lens=Intrinsics.centred(focal=camera.focal_px or 0.0, rows=size[0], cols=size[1]))
-    if optics.lens:
-        optics = replace(optics, lens=camera.bent(optics.lens))
+    optics = _optics(shutter, camera, noise, size)
     simulated_photograph.check_gain(gain)
     staged = optics.stage(light.pixels.shape[:2], _motion(motion, seed), frame=size, blur=blur_px)
     rendering = simulated_photograph.rendered(light.pixels, staged, optics.noise, seed=seed, samples=samples, gain=gain)
@@ -106,14 +101,22 @@ def simulate(
     )
 
 
-def _request(shutter: Shutter, camera: Camera) -> simulation.Camera:
-    return simulation.Camera(
+def _optics(shutter: Shutter, camera: Camera, noise: float | None, size: tuple[int, int] | None) -> Optics:
+    stated = simulation.Camera(
         profile=camera.profile,
         exposure=shutter.exposure,
         readout=shutter.readout,
         direction=shutter.direction,
         focal_px=camera.focal_px,
     )
+    optics = simulated_photograph.optics(stated, noise)
+    if camera.distortion is None:
+        return optics
+    if (lens := optics.lens) is None:
+        if size is None:
+            raise ValueError("size must be given to simulate with distortion, which belongs to a frame of that size")
+        lens = Intrinsics.centred(focal=camera.focal_px or 0.0, rows=size[0], cols=size[1])
+    return replace(optics, focal=None, lens=camera.bent(lens))
 
 
 def _motion(motion: Mapping[str, Sequence[float]] | Trajectory | None, seed: int) -> Motion:

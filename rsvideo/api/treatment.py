@@ -10,16 +10,14 @@ from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.words import transfer_named
 from rsvideo.config import media, sidecar
-from rsvideo.config.method import Method
 from rsvideo.config.quantity import frame_rate
 from rsvideo.config.request import Request
-from rsvideo.physics import camera as physics
 from rsvideo.physics.tone import Tone, Transfer
-from rsvideo.pipeline import devices, prepare
+from rsvideo.pipeline import devices, prepare, take
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.prepare import Task
-from rsvideo.shooting import profiles, timing
-from rsvideo.shooting.fact import Fact
+from rsvideo.pipeline.take import Take
+from rsvideo.shooting import profiles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,46 +79,33 @@ class Prepared:
 
 def prepared(stated: Stated, stored: Stored) -> Prepared:
     """Timing, lens and tone of pictures that are arrays; ValueError where something is missing."""
-    shutter, camera = stated.shutter, stated.camera
+    profile = None if stated.camera.profile is None else profiles.find(stated.camera.profile)
     rate = None if stored.rate is None else float(stored.rate)
-    facts, notes = None, ()
-    if camera.profile is not None:
-        facts, notes = profiles.for_clip(profiles.find(camera.profile), stored.rows, stored.cols, rate)
-    if shutter.exposure is None and stored.exposure is None:
-        raise ValueError(f"exposure must be given, {stored.name} does not say it; Shutter(exposure='1/50') is a time")
-    if shutter.readout is None and not (facts and facts.readout):
-        raise ValueError(
-            f"readout must be given, {stored.name} does not say it; a phone's or DSLR's video often reads in 10ms to 30ms,"
-            " 0 is a global shutter"
-        )
-    sources = timing.Sources(
-        rows=stored.rows,
-        cols=stored.cols,
-        fps=rate,
-        exposure=None if stored.exposure is None else Fact(value=stored.exposure, source="EXIF"),
-        profile_readout=facts.readout if facts else None,
-        profile_direction=facts.direction if facts else None,
-    )
-    focal = None if stored.focal_px is None else Fact(value=stored.focal_px, source="EXIF")
-    focal_notes = () if focal is None else (f"focal length {focal.value:.0f} px from EXIF's 35 mm equivalent, for an uncropped picture",)
+    taken = take.of_pictures(profile, stored.rows, stored.cols, fps=rate, exposure=stored.exposure, focal=stored.focal_px)
+    _check_complete(stated.shutter, taken, stored.name)
     request = _request(Path(stored.name), replace(stated, motion=Path("given") if stated.moved else None))
     devices.check(request)
-    resolved = timing.resolve(request.camera, sources)
-    lens, more = prepare.camera_of(request, sources, facts, focal, focal_notes)
-    treatment = Treatment(
-        method=Method.RSVIDEO,
-        settings=prepare.settings_of(request.motion, request.deblur),
-        block_rows=None,
-        gyro=None,
-        camera=physics.Camera(timing=resolved.timing, intrinsics=camera.bent(lens.intrinsics), noise=lens.sensor_noise),
-        timing_source=resolved.source,
-    )
+    shutter, lens, notes = prepare.taken_by(request, taken)
     return Prepared(
-        treatment=treatment,
-        transfer=facts.tone if facts else None,
-        saturation=facts.saturation if facts else None,
-        notes=(*notes, *resolved.notes, *more),
+        treatment=prepare.treatment(request, shutter, _bent(stated, lens)),
+        transfer=taken.profile.tone if taken.profile else None,
+        saturation=taken.profile.saturation if taken.profile else None,
+        notes=(*taken.notes, *shutter.notes, *notes),
     )
+
+
+def _check_complete(shutter: Shutter, taken: Take, name: str) -> None:
+    if shutter.exposure is None and taken.shutter.exposure is None:
+        raise ValueError(f"exposure must be given, {name} does not say it; Shutter(exposure='1/50') is a time")
+    if shutter.readout is None and taken.shutter.profile_readout is None:
+        raise ValueError(
+            f"readout must be given, {name} does not say it; a phone's or DSLR's video often reads in 10ms to 30ms, 0 is a global shutter"
+        )
+
+
+def _bent(stated: Stated, lens: sidecar.Camera) -> sidecar.Camera:
+    """The lens with the distortion that the user states."""
+    return sidecar.Camera.of(stated.camera.bent(lens.intrinsics), lens.source, lens.sensor_noise)
 
 
 def of_path(path: Path, stated: Stated) -> Task:
@@ -128,8 +113,7 @@ def of_path(path: Path, stated: Stated) -> Task:
     if not media.is_clip(path):
         raise ValueError(f"{path} is taken for a photograph, clips are .mp4, .mov, .mkv or folders; deblur(read(path)) takes photographs")
     task = prepare.prepare(_request(path, stated))
-    lens = sidecar.Camera.of(stated.camera.bent(task.camera.intrinsics), task.camera.source, task.camera.sensor_noise)
-    return replace(task, camera=lens)
+    return replace(task, camera=_bent(stated, task.camera))
 
 
 def pictures_a_second(rate: float | str | Fraction | None) -> Fraction | None:

@@ -9,7 +9,7 @@ import numpy as np
 from rsvideo.config.request import Request
 from rsvideo.config.yaml import ConfigError, meant
 from rsvideo.physics.tone import Transfer
-from rsvideo.pipeline.take import Take
+from rsvideo.pipeline.take import Opened
 from rsvideo.shooting import profiles, readout_table, timing
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.readout_table import Readout
@@ -20,7 +20,7 @@ from rsvideo.video.stream import Stream
 _TICK = 0.6  # of the clip's unit of time, to which times are rounded: a little over the half by which rounding may be off
 
 
-def opened(request: Request, piped: Stream | None = None) -> Take:
+def opened(request: Request, piped: Stream | None = None) -> Opened:
     """The clip of a request, which a pipe may have brought, with the curve that its codes stand for."""
     given = request.camera
     stream = piped or decode.probe(request.source, request.input.frame_rate, on_damage=request.input.on_damage)
@@ -29,7 +29,7 @@ def opened(request: Request, piped: Stream | None = None) -> Take:
     return replace(clip, source=_in_light(clip.source, given.transfer, clip.profile))
 
 
-def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = None, on_damage: decode.OnDamage = "fail") -> Take:
+def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = None, on_damage: decode.OnDamage = "fail") -> Opened:
     """Ask the clip, the camera's profile and the public table.
 
     `camera` names a profile, a profile's file, or a camera of the public table. `rate` is for sequences, which do not state theirs.
@@ -37,7 +37,7 @@ def gather(path: Path, *, camera: str | None = None, rate: Fraction | None = Non
     return _of_stream(decode.probe(path, rate, on_damage=on_damage), camera)
 
 
-def _of_stream(stream: Stream, camera: str | None) -> Take:
+def _of_stream(stream: Stream, camera: str | None) -> Opened:
     facts = metadata.read(stream)
     fps = float(stream.rate)
     profile, table, notes = _camera(camera, facts, stream.rows, stream.cols, fps)
@@ -46,7 +46,7 @@ def _of_stream(stream: Stream, camera: str | None) -> Take:
         focal = Fact(
             value=pixels, source=f"{facts.focal_35mm.source}, {facts.focal_35mm.value:g} mm on 36 x 24 mm, for an uncropped picture"
         )
-    return Take(
+    return Opened(
         source=stream,
         facts=facts,
         profile=profile,

@@ -20,7 +20,7 @@ from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.pipeline import clip_frames
-from rsvideo.pipeline.take import Take
+from rsvideo.pipeline.take import Opened
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.settings import Settings
@@ -52,7 +52,7 @@ def readout_unknown(given: Stated, sources: Sources) -> bool:
     return readout is None or readout.within == (0.0, readout.value)
 
 
-def of_take(take: Take, given: Stated, first: int, last: int, on_damage: OnDamage = "fail") -> Measured | None:
+def of_take(take: Opened, given: Stated, first: int, last: int, on_damage: OnDamage = "fail") -> Measured | None:
     """What the frames [first, last) of a clip show of its shutter and lens; None where all is stated and nothing is to be checked."""
     assert isinstance(take.source, Stream)
     focal = _stated_focal(take, given)
@@ -63,12 +63,12 @@ def of_take(take: Take, given: Stated, first: int, last: int, on_damage: OnDamag
     return measured(shown, given, take.shutter, focal)
 
 
-def _stated_focal(take: Take, given: Stated) -> float | None:
+def _stated_focal(take: Opened, given: Stated) -> float | None:
     lens = take.profile.intrinsics if take.profile else None
     return given.focal_px or (lens.fx if lens else take.focal.value if take.focal else None)
 
 
-def with_measured(take: Take, given: Stated) -> Take:
+def with_measured(take: Opened, given: Stated) -> Opened:
     """The take with what its frames show, and in its notes what they do not show."""
     assert isinstance(take.source, Stream)
     found = of_take(take, given, 0, take.source.frames)
@@ -76,7 +76,7 @@ def with_measured(take: Take, given: Stated) -> Take:
     return settled(replace(take, notes=(*take.notes, *unclear)), found)
 
 
-def settled(take: Take, found: Measured | None) -> Take:
+def settled(take: Opened, found: Measured | None) -> Opened:
     """The take with what its frames have shown."""
     focal = take.focal
     if focal is None and found and found.focal:

@@ -4,7 +4,7 @@ A photograph is one frame without neighbours; what else differs is how it is ope
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rsvideo.config import media, names, sidecar
@@ -18,13 +18,11 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import devices, gyro_alignment, output, piping, take
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.pipeline.take import Take
+from rsvideo.pipeline.take import Opened, Take
 from rsvideo.pipeline.tracked import tracked
 from rsvideo.restoration import exposure
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing, usual
-from rsvideo.shooting.fact import Fact
-from rsvideo.shooting.profiles import Facts
 from rsvideo.stills.still import Format, Still
 
 if TYPE_CHECKING:
@@ -91,13 +89,10 @@ class Task:
     @property
     def treatment(self) -> Treatment:
         """What is done to the frames."""
-        return Treatment(
-            method=self.request.deblur.method,
+        return replace(
+            treatment(self.request, self.shutter, self.camera),
             settings=self.settings,
-            block_rows=self.request.deblur.block_rows,
             gyro=self.gyro,
-            camera=physics.Camera(timing=self.timing, intrinsics=self.camera.intrinsics, noise=self.camera.sensor_noise),
-            timing_source=self.timing_source,
             exposure_spread=self._exposure_spread,
         )
 
@@ -143,7 +138,7 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
         )
     first, last, encoding, written = _frames_and_encoding(request, opened)
     request, opened = _measured(request, opened, first, last)
-    shutter, camera, lens_notes = _taken_by(request, opened)
+    shutter, camera, lens_notes = taken_by(request, opened)
     settings = settings_of(request.motion, request.deblur)
     gyro = _gyro(request, opened, (first, last), shutter.timing, camera.intrinsics, settings)
     if gyro:  # which need not be looked for again
@@ -169,16 +164,16 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
     )
 
 
-def _taken_by(request: Request, opened: Take) -> tuple[timing.Resolved, sidecar.Camera, tuple[str, ...]]:
+def taken_by(request: Request, take: Take) -> tuple[timing.Resolved, sidecar.Camera, tuple[str, ...]]:
     """Shutter, camera and what to know of the latter: those with which the motion was found, if it was found before."""
     stated = _NO_SHUTTER if request.deblur.method is Method.NONE else request.camera
     if request.is_clip and (found := tracked(request.motion.trajectory)):
-        return found.taken_by(request.camera, opened.shutter, request.source), found.camera, ()
-    shutter = timing.resolve(stated, opened.shutter)
-    return shutter, *camera_of(request, opened.shutter, opened.profile, opened.focal, opened.focal_notes)
+        return found.taken_by(request.camera, take.shutter, request.source), found.camera, ()
+    shutter = timing.resolve(stated, take.shutter)
+    return shutter, *_camera_of(request, take)
 
 
-def _measured(request: Request, opened: Take, first: int, last: int) -> tuple[Request, Take]:
+def _measured(request: Request, opened: Opened, first: int, last: int) -> tuple[Request, Opened]:
     """The same with what the clip's own frames show of its shutter and lens, where our method needs it and it was not measured before."""
     motion, deblur = request.motion, request.deblur
     ours = deblur.method is Method.RSVIDEO and motion.trajectory is None and deblur.frames != "cold"
@@ -245,7 +240,7 @@ def _check_preview(request: Request) -> None:
     output.check_kind(request.output, folder=False)
 
 
-def _opened(request: Request, piped: "Stream | None") -> Take:
+def _opened(request: Request, piped: "Stream | None") -> Opened:
     if not request.is_clip:
         return take.of_photograph(request)
     from rsvideo.pipeline import clip_facts
@@ -253,7 +248,7 @@ def _opened(request: Request, piped: "Stream | None") -> Take:
     return clip_facts.opened(request, piped)
 
 
-def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Encoding | None, tuple[str, ...]]":
+def _frames_and_encoding(request: Request, opened: Opened) -> "tuple[int, int, Encoding | None, tuple[str, ...]]":
     """Which frames are restored, and how they are written; a photograph is written as its name says."""
     if isinstance(opened.source, Still):
         return 0, 1, None, ()
@@ -280,6 +275,18 @@ def _frames_and_encoding(request: Request, opened: Take) -> "tuple[int, int, Enc
     return first, last, encoding, notes
 
 
+def treatment(request: Request, shutter: timing.Resolved, camera: sidecar.Camera) -> Treatment:
+    """What a request says is done to pictures that were taken so."""
+    return Treatment(
+        method=request.deblur.method,
+        settings=settings_of(request.motion, request.deblur),
+        block_rows=request.deblur.block_rows,
+        gyro=None,
+        camera=physics.Camera(timing=shutter.timing, intrinsics=camera.intrinsics, noise=camera.sensor_noise),
+        timing_source=shutter.source,
+    )
+
+
 def settings_of(motion: Motion, deblur: Deblur) -> Settings:
     """What a request says of the restoration, for the room that restores."""
     return Settings(
@@ -294,11 +301,9 @@ def settings_of(motion: Motion, deblur: Deblur) -> Settings:
     )
 
 
-def camera_of(
-    request: Request, size: timing.Sources, profile: Facts | None, focal_fact: Fact[float] | None, focal_notes: tuple[str, ...]
-) -> tuple[sidecar.Camera, tuple[str, ...]]:
+def _camera_of(request: Request, take: Take) -> tuple[sidecar.Camera, tuple[str, ...]]:
     """The camera, by the request, its profile or the file, whichever states it first; and what to know of how it was found."""
-    rows, cols, notes = size.rows, size.cols, ()
+    rows, cols, profile, notes = take.shutter.rows, take.shutter.cols, take.profile, ()
     longer = max(rows, cols)
     shift = request.motion.model == "shift" and request.motion.trajectory is None
     if request.camera.focal_px is not None:
@@ -312,9 +317,9 @@ def camera_of(
             notes = (f"the distortion of {profile.profile} is not used, since --focal-px states another lens; leave it out",)
     elif profile and profile.intrinsics:
         return sidecar.Camera.of(profile.intrinsics, profile.profile, profile.noise), ()
-    elif focal_fact is not None:
-        focal, source, notes = focal_fact.value, focal_fact.source, focal_notes
-        if focal_fact.assumed:
+    elif take.focal is not None:
+        focal, source, notes = take.focal.value, take.focal.source, take.focal_notes
+        if take.focal.assumed:
             notes += (f"focal length {focal:.0f} px is {source}: roll depends on it; --focal-px states it",)
     elif shift or not request.deblur.method.needs_lens:
         focal, source = float(longer), "assumed"  # a shift does not depend on it
@@ -332,7 +337,7 @@ def camera_of(
 
 
 def _gyro(
-    request: Request, opened: Take, frames: tuple[int, int], timing: ShutterTiming, camera: Intrinsics, settings: Settings
+    request: Request, opened: Opened, frames: tuple[int, int], timing: ShutterTiming, camera: Intrinsics, settings: Settings
 ) -> Gyro | None:
     """The gyroscope's log that the method follows, laid along the frames [first, last)."""
     motion = request.motion

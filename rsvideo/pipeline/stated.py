@@ -3,14 +3,14 @@
 from typing import Any
 
 from rsvideo.config.request import Camera
-from rsvideo.pipeline.take import Take
+from rsvideo.pipeline.take import Opened
 from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.timing import direction_of, exposure_of, readout_of
 from rsvideo.stills.still import Still
 from rsvideo.video.stream import Stream
 
 
-def values(clip: Take, camera: Camera) -> dict[str, Any]:
+def values(clip: Opened, camera: Camera) -> dict[str, Any]:
     """All facts of a clip, under the names of the JSON that `rsvideo inspect` prints."""
     stream, facts = clip.source, clip.facts
     assert isinstance(stream, Stream)
@@ -65,7 +65,7 @@ def values(clip: Take, camera: Camera) -> dict[str, Any]:
     }
 
 
-def of_photograph(take: Take, camera: Camera) -> dict[str, Any]:
+def of_photograph(take: Opened, camera: Camera) -> dict[str, Any]:
     """The same of a photograph, as far as it has such facts."""
     photograph = take.source
     assert isinstance(photograph, Still)
@@ -88,7 +88,7 @@ def of_photograph(take: Take, camera: Camera) -> dict[str, Any]:
     }
 
 
-def _of_photographs(exposure: Fact[float] | None, readout: Fact[float] | None, take: Take) -> list[tuple[str, object, str]]:
+def _of_photographs(exposure: Fact[float] | None, readout: Fact[float] | None, take: Opened) -> list[tuple[str, object, str]]:
     return [("exposure", exposure, "--exposure 1/50"), ("readout", readout, "--readout 20ms"), ("focal length", take.focal, "--focal-px")]
 
 
