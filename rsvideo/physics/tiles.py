@@ -11,8 +11,7 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
-from rsvideo.physics.camera import Intrinsics, lever, turned
-from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.camera import Camera, Intrinsics, lever, turned
 from rsvideo.physics.trajectory import Trajectory
 
 NARROWEST = 32  # columns a tile keeps for itself; narrower ones cost more and gain nothing
@@ -49,8 +48,9 @@ def split(cols: int, count: int, overlap: int) -> list[Tile]:
     return [Tile(first=max(0, a - overlap), last=min(cols, b + overlap), start=a, stop=b) for a, b in pairwise(edges)]
 
 
-def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, tolerance: float) -> int:
+def tiles_needed(trajectory: Trajectory, camera: Camera, tolerance: float) -> int:
     """How many tiles keep the path's error at a tile's edge below `tolerance` px (two axes: one tile)."""
+    intrinsics, timing = camera.intrinsics, camera.timing
     times = np.linspace(*timing.interval, _INSTANTS)
     poses = trajectory.at(times)
     if poses.shape[1] == 2:
@@ -69,20 +69,17 @@ def tiles_needed(trajectory: Trajectory, intrinsics: Intrinsics, timing: Shutter
     return int(np.clip(np.ceil(count), 1, max(1, intrinsics.cols // NARROWEST)))
 
 
-def displacement(
-    tile: Tile, trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, samples: int
-) -> Float[np.ndarray, "rows samples 2"]:
+def displacement(tile: Tile, trajectory: Trajectory, camera: Camera, samples: int) -> Float[np.ndarray, "rows samples 2"]:
     """Where the tile's scanlines sample the latent image over their exposures, relative to the pixel."""
-    return displacements([tile], trajectory, intrinsics, timing, samples)[0]
+    return displacements([tile], trajectory, camera, samples)[0]
 
 
-def displacements(
-    cut: Sequence[Tile], trajectory: Trajectory, intrinsics: Intrinsics, timing: ShutterTiming, samples: int
-) -> Float[np.ndarray, "tiles rows samples 2"]:
+def displacements(cut: Sequence[Tile], trajectory: Trajectory, camera: Camera, samples: int) -> Float[np.ndarray, "tiles rows samples 2"]:
     """The same of several tiles at once, which share the rotations."""
-    poses = trajectory.at(timing.sample_times(samples))
+    poses = trajectory.at(camera.timing.sample_times(samples))
     middles = np.array([tile.middle for tile in cut])
-    return turned(intrinsics, middles[:, None, None], np.arange(timing.rows, dtype=float)[None, :, None], poses[None])
+    rows = np.arange(camera.timing.rows, dtype=float)
+    return turned(camera.intrinsics, middles[:, None, None], rows[None, :, None], poses[None])
 
 
 def levers(tile: Tile, intrinsics: Intrinsics, rows: int, axes: int) -> Float[np.ndarray, "rows 2 axes"]:

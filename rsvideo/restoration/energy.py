@@ -21,10 +21,9 @@ def energy(scene: Scene, trajectory: Trajectory) -> float:
     count = 1 if trajectory.coefficients.shape[1] == 2 else scene.tiles
     total = pixels = 0.0
     trajectory = scene.scaled(trajectory)
-    lens, timing = scene.camera.intrinsics, scene.camera.timing
-    for tile in tiles.split(lens.cols, count, 0):
+    for tile in tiles.split(scene.camera.intrinsics.cols, count, 0):
         columns = slice(tile.first, tile.last)
-        offsets = tiles.displacement(tile, trajectory, lens, timing, scene.samples)
+        offsets = tiles.displacement(tile, trajectory, scene.camera, scene.samples)
         system = tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
         op = system.op
         latent = total_variation(system, mu, steps=STEPS)

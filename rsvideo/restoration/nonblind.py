@@ -266,9 +266,8 @@ def tiled(
 
 def cut_for(trajectory: Trajectory, camera: Camera, tolerance: float, flow: Flow | None = None, least: int = 1) -> list[Tile]:
     """The tiles, `least` or more, at whose edges a blur's error is `tolerance` px at most."""
-    lens, timing = camera.intrinsics, camera.timing
-    count = max(tiles.tiles_needed(trajectory, lens, timing, tolerance), flow.tiles_needed(camera, tolerance) if flow else 1, least)
-    return tiles.split(lens.cols, count, OVERLAP)
+    count = max(tiles.tiles_needed(trajectory, camera, tolerance), flow.tiles_needed(camera, tolerance) if flow else 1, least)
+    return tiles.split(camera.intrinsics.cols, count, OVERLAP)
 
 
 def tiled_from(

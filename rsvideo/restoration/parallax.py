@@ -101,7 +101,7 @@ def displacements(
     cut: Sequence[Tile], path: Trajectory, flow: Flow | None, camera: Camera, samples: int
 ) -> Float[np.ndarray, "tiles rows samples 2"]:
     """The same of several tiles at once."""
-    offsets = tiles.displacements(cut, path, camera.intrinsics, camera.timing, samples)
+    offsets = tiles.displacements(cut, path, camera, samples)
     return offsets + np.stack([flow.displacement(tile.middle, camera.timing, samples) for tile in cut]) if flow else offsets
 
 

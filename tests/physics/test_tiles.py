@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from rsvideo.physics import tiles
-from rsvideo.physics.camera import Intrinsics, lever, turned
+from rsvideo.physics.camera import Camera, Intrinsics, lever, turned
 from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
@@ -37,11 +37,11 @@ def move(pose):
 
 
 def turning(roll, readout=0.02, cols=960):
-    """A camera of `cols` columns that rolls by `roll` rad over its interval, and its timing."""
-    camera = Intrinsics.centred(focal=1000.0, rows=120, cols=cols)
+    """A camera of `cols` columns, and how it rolls by `roll` rad over its interval."""
     timing = ShutterTiming.from_readout(exposure=0.02, readout=readout, rows=120)
+    camera = Camera(timing=timing, intrinsics=Intrinsics.centred(focal=1000.0, rows=120, cols=cols))
     coefficients = np.array([[0.0, 0, 0], [3.0, 1.0, roll / np.sqrt(12)]])
-    return Polynomial(t0=0.0, t1=timing.interval[1], coefficients=coefficients), camera, timing
+    return Polynomial(t0=0.0, t1=timing.interval[1], coefficients=coefficients), camera
 
 
 @given(cols=st.integers(1, 400), count=st.integers(1, 8), overlap=st.integers(0, 30))
@@ -75,21 +75,22 @@ def test_two_axes_move_all_pixels_alike():
 
 
 def test_the_displacement_of_a_tile_is_that_of_its_middle_column_at_its_scanlines_times():
-    path, camera, timing = turning(0.05, cols=200)
+    path, camera = turning(0.05, cols=200)
+    timing, lens = camera.timing, camera.intrinsics
     tile = tiles.split(200, 4, 8)[3]
-    d = tiles.displacement(tile, path, camera, timing, 6)
+    d = tiles.displacement(tile, path, camera, 6)
     for i, k in ((0, 0), (57, 3), (119, 5)):
         t = i * timing.row_time + (k + 0.5) / 6 * timing.exposure
         pose = path.at(np.array([t]))
-        np.testing.assert_allclose(d[i, k], turned(camera, np.array([174.5]), np.array([float(i)]), pose)[0], atol=1e-9)
-    np.testing.assert_array_equal(tiles.levers(tile, camera, 120, 3)[57], lever(camera, np.array([174.5]), np.array([57.0]), 3)[0])
+        np.testing.assert_allclose(d[i, k], turned(lens, np.array([174.5]), np.array([float(i)]), pose)[0], atol=1e-9)
+    np.testing.assert_array_equal(tiles.levers(tile, lens, 120, 3)[57], lever(lens, np.array([174.5]), np.array([57.0]), 3)[0])
 
 
 def test_a_shift_needs_one_tile_and_more_roll_more_tiles():
-    path, camera, timing = turning(0.02)
+    path, camera = turning(0.02)
     shift = path.with_coefficients(path.coefficients[:, :2])
-    assert tiles.tiles_needed(shift, camera, timing, 0.25) == 1
-    counts = [tiles.tiles_needed(turning(roll)[0], camera, timing, 0.25) for roll in (0.0, 0.005, 0.01, 1.0)]
+    assert tiles.tiles_needed(shift, camera, 0.25) == 1
+    counts = [tiles.tiles_needed(turning(roll)[0], camera, 0.25) for roll in (0.0, 0.005, 0.01, 1.0)]
     assert counts[0] < counts[1] < counts[2] < counts[3] == 960 // tiles.NARROWEST
 
 
@@ -103,12 +104,13 @@ LENSES = {
 @pytest.mark.parametrize("lens", LENSES.values(), ids=list(LENSES))
 @pytest.mark.parametrize("tolerance", [0.5, 0.25])
 def test_the_blur_at_a_tiles_edge_is_off_by_the_tolerance_at_most(tolerance, lens):
-    path, camera, timing = turning(0.01, readout=0.0)
-    camera = replace(camera, distortion=lens)
-    cut = tiles.split(960, tiles.tiles_needed(path, camera, timing, tolerance), 0)
-    poses = path.at(timing.sample_times(40)[:1])[0]
+    path, pinhole = turning(0.01, readout=0.0)
+    camera = replace(pinhole, intrinsics=replace(pinhole.intrinsics, distortion=lens))
+    cut = tiles.split(960, tiles.tiles_needed(path, camera, tolerance), 0)
+    poses = path.at(camera.timing.sample_times(40)[:1])[0]
     for tile in cut:
-        at = [turned(camera, np.full(40, float(x)), np.full(40, 60.0), poses) for x in (tile.middle, tile.start, tile.stop - 1)]
+        columns = tile.middle, tile.start, tile.stop - 1
+        at = [turned(camera.intrinsics, np.full(40, float(x)), np.full(40, 60.0), poses) for x in columns]
         for edge in at[1:]:
             off = edge - at[0]
             off -= 0.5 * (off.max(axis=0) + off.min(axis=0))  # a constant shift does not blur

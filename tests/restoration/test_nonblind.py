@@ -19,8 +19,8 @@ from rsvideo.restoration.parallax import Flow, displacement
 from rsvideo.restoration.settings import Settings
 
 ROWS, COLS = 96, 192
-CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
+CAMERA = Camera(timing=TIMING, intrinsics=Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS))
 SHIFT = np.array([[0.0, 0.0], [4.0, -2.0], [1.0, 1.5], [-0.4, 0.3]])
 TURN = np.hstack([SHIFT, [[0.0], [0.02], [-0.006], [0.0]]])
 
@@ -36,7 +36,7 @@ def photograph():
 def taken(coefficients, *, sigma=0.0, scene=None, gain=1.0):
     return simulate.render(
         photograph() if scene is None else scene,
-        camera=CAMERA,
+        camera=CAMERA.intrinsics,
         timing=TIMING,
         trajectory=path(coefficients),
         noise=Noise.at_half(sigma),
@@ -49,7 +49,7 @@ def taken(coefficients, *, sigma=0.0, scene=None, gain=1.0):
 def restored(frame, coefficients, *, clipped=None, prior: Literal["tv", "denoiser"] = "denoiser", noise=1e-3, mu=7e-4):
     clipped = np.zeros(frame.shape, bool) if clipped is None else clipped
     *_, last = deblur(
-        tiled(frame, clipped, path(coefficients), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25),
+        tiled(frame, clipped, path(coefficients), CAMERA, samples=24, tolerance=0.25),
         Settings(prior=prior, mu_final=mu),
         noise,
     )
@@ -77,12 +77,12 @@ def test_a_known_motion_is_undone(coefficients):
 
 def test_points_that_all_move_alike_blur_as_a_camera_does_that_moves_back():
     velocity = np.array([150.0, -80.0])  # px/s
-    camera, frame = Camera(timing=TIMING, intrinsics=CAMERA), taken(SHIFT).blurred
+    frame = taken(SHIFT).blurred
     alike = Flow(points=np.zeros((1, 2)), weights=velocity[None], length=1e9)
     rest, clipped, t = still(TIMING.interval, degree=1, axes=2), np.zeros(frame.shape, bool), np.linspace(*TIMING.interval, 9)
     moved = fit(rest, t, -(t[:, None] - TIMING.middle) * velocity)
-    by_points = tiled(frame, clipped, rest, camera, samples=24, tolerance=0.25, flow=alike)
-    by_camera = tiled(frame, clipped, moved, camera, samples=24, tolerance=0.25)
+    by_points = tiled(frame, clipped, rest, CAMERA, samples=24, tolerance=0.25, flow=alike)
+    by_camera = tiled(frame, clipped, moved, CAMERA, samples=24, tolerance=0.25)
     grey = np.ascontiguousarray(frame.mean(axis=2))
     np.testing.assert_allclose(by_points.blurred(grey), by_camera.blurred(grey), atol=2e-3)
     assert np.abs(by_camera.blurred(grey) - grey).max() > 0.05
@@ -120,10 +120,12 @@ def test_clipped_lamps_do_not_ring(prior):
 def test_total_variation_reaches_the_least_of_its_energy():
     """Any step away from the answer costs."""
     frame = taken(SHIFT).blurred[:40, :60, 0]
-    timing = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=40)
-    camera = Intrinsics.centred(focal=300.0, rows=40, cols=60)
+    camera = Camera(
+        timing=ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=40),
+        intrinsics=Intrinsics.centred(focal=300.0, rows=40, cols=60),
+    )
     tile = tiles.split(60, 1, 0)[0]
-    system = tile_system(tiles.displacement(tile, path(SHIFT), camera, timing, 16), frame, np.ones_like(frame))
+    system = tile_system(tiles.displacement(tile, path(SHIFT), camera, 16), frame, np.ones_like(frame))
     op, mu = system.op, 2e-3
 
     def cost(latent):
@@ -145,7 +147,7 @@ def test_what_no_scanline_saw_and_what_clipped_is_completed_from_the_model():
     valid = np.ones_like(frame)
     valid[30:40, 50:60] = 0
     tile = tiles.split(COLS, 1, 0)[0]
-    system = tile_system(tiles.displacement(tile, path(SHIFT), CAMERA, TIMING, 16), frame, valid)
+    system = tile_system(tiles.displacement(tile, path(SHIFT), CAMERA, 16), frame, valid)
     bright = np.full((ROWS, system.op.period), 2.0, np.float32)
     dark = np.zeros_like(bright)
     own = slice(system.op.left, system.op.left + COLS)
@@ -199,7 +201,7 @@ def test_what_no_latent_image_explains_is_counted_where_it_was_observed() -> Non
     clipped = np.zeros(frame.shape, bool)
     clipped[40:50] = True
     noisy[40:50] = 1.0
-    cut = tiled(noisy, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    cut = tiled(noisy, clipped, path(SHIFT), CAMERA, samples=24, tolerance=0.25)
     flat = [np.full((1, s.op.latent_rows, s.op.period), 0.5, np.float32) for s in cut.systems]
     assert cut.unexplained(flat) == pytest.approx(0.03**2, rel=0.05)
 
@@ -207,13 +209,12 @@ def test_what_no_latent_image_explains_is_counted_where_it_was_observed() -> Non
 def test_a_frame_in_tiles_that_memory_does_not_hold_together_is_the_same(monkeypatch) -> None:
     case = taken(SHIFT, sigma=0.002)
     clipped = np.zeros(case.blurred.shape, bool)
-    camera = Camera(timing=TIMING, intrinsics=CAMERA)
     monkeypatch.setattr(nonblind, "LARGEST", 0.6 * extent(np.zeros((ROWS, 1, 2)), COLS).system_bytes)
-    cut = tiled(case.blurred, clipped, path(SHIFT), camera, samples=24, tolerance=0.25)
+    cut = tiled(case.blurred, clipped, path(SHIFT), CAMERA, samples=24, tolerance=0.25)
     assert len(cut.cut) > 1
     assert isinstance(cut.systems, nonblind.MadeAnew)
     monkeypatch.setattr(nonblind, "LARGEST", 1e9)
-    whole = nonblind.tiled_from(cut.cut, lambda tile: (displacement(tile, path(SHIFT), None, camera, 24), None), case.blurred, clipped)
+    whole = nonblind.tiled_from(cut.cut, lambda tile: (displacement(tile, path(SHIFT), None, CAMERA, 24), None), case.blurred, clipped)
     assert isinstance(whole.systems, list)
     for one, other in zip(deblur(cut, Settings(), 2e-3), deblur(whole, Settings(), 2e-3), strict=True):
         np.testing.assert_array_equal(one, other)
@@ -223,7 +224,7 @@ def test_a_frame_in_tiles_that_memory_does_not_hold_together_is_the_same(monkeyp
 def test_a_draft_is_what_the_denoiser_starts_from() -> None:
     case = taken(SHIFT, sigma=0.002)
     clipped = np.zeros(case.blurred.shape, bool)
-    cut = tiled(case.blurred, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    cut = tiled(case.blurred, clipped, path(SHIFT), CAMERA, samples=24, tolerance=0.25)
     draft, normal = list(deblur(cut, Settings(quality="draft"), 2e-3)), list(deblur(cut, Settings(), 2e-3))
     assert len(draft) == 1
     assert len(normal) > 4
@@ -233,7 +234,7 @@ def test_a_draft_is_what_the_denoiser_starts_from() -> None:
 def test_a_latent_image_that_is_known_well_loses_its_noise_and_keeps_what_the_frame_shows() -> None:
     case, noise = taken(SHIFT, sigma=0.004), 4e-3
     clipped = np.zeros(case.blurred.shape, bool)
-    cut = tiled(case.blurred, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    cut = tiled(case.blurred, clipped, path(SHIFT), CAMERA, samples=24, tolerance=0.25)
     rng = np.random.default_rng(1)
     known = (case.truth + noise * rng.standard_normal(case.truth.shape)).astype(np.float32)
     assert psnr(finished(cut, known, noise), case.truth) > psnr(known, case.truth) + 0.5
@@ -257,7 +258,7 @@ def test_what_is_observed_of_a_latent_image_is_the_adjoint_of_what_is_data(monke
     rng = np.random.default_rng(0)
     pixels, clipped = taken(SHIFT).blurred, np.zeros((ROWS, COLS, 3), bool)
     clipped[30:50, 60:100, 1] = True
-    frame = tiled(pixels, clipped, path(SHIFT), Camera(timing=TIMING, intrinsics=CAMERA), samples=24, tolerance=0.25)
+    frame = tiled(pixels, clipped, path(SHIFT), CAMERA, samples=24, tolerance=0.25)
     covered, latent = frame.covered(), np.zeros((ROWS, COLS), np.float32)
     latent[16:-16, 16:-16] = rng.random((ROWS - 32, COLS - 32))
     light = float((frame.blurred(latent) * ~clipped.any(axis=2)).sum())
