@@ -6,6 +6,7 @@ import numpy as np
 from rsvideo.comparison.decoded import Light
 from rsvideo.config.sidecar import FrameRecord, Sidecar
 from rsvideo.physics.blur import BlurOperator
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Spline, centred, fit
 
 _TERMS = 20  # of the spline that stands for a sampled trajectory
@@ -35,10 +36,10 @@ def _moved(latent: np.ndarray, record: FrameRecord, sidecar: Sidecar) -> tuple[n
     t, poses = np.array(record.trajectory.t_s), record.trajectory.poses()
     if not poses[:, 2].any():
         poses = poses[:, :2]
-    timing = sidecar.timing(record)
+    camera = Camera(timing=sidecar.timing(record), intrinsics=sidecar.settings.camera.intrinsics)
     blank = Spline(t0=float(t[0]), t1=float(t[-1]), coefficients=np.zeros((min(_TERMS, len(t)), poses.shape[1])))
-    path = centred(fit(blank, t, poses), timing.middle)
-    operator = BlurOperator.covering(path, timing=timing, intrinsics=sidecar.settings.camera.intrinsics, samples=_SAMPLES, slack=0)
+    path = centred(fit(blank, t, poses), camera.timing.middle)
+    operator = BlurOperator.covering(path, camera=camera, samples=_SAMPLES, slack=0)
     down, right = operator.margin
     padded = cv2.copyMakeBorder(latent, down, down, right, right, cv2.BORDER_REPLICATE)
     return operator.forward(padded), max(down, right)

@@ -65,7 +65,7 @@ def alternate(
     """
     theta, mu = start, settings.mu_0
     while True:
-        K = BlurOperator.covering(theta, timing=camera.timing, intrinsics=camera.intrinsics, samples=settings.K, slack=settings.slack)
+        K = BlurOperator.covering(theta, camera=camera, samples=settings.K, slack=settings.slack)
         latent = restore(b, K, mu=mu, settings=settings.latent)  # Eq. (15)
         moved = update_motion(b, latent, K, steps=settings.motion_steps)  # Eq. (9)
         after = _moved(K, moved)
@@ -105,7 +105,7 @@ def update_motion(
 
 def _moved(K: BlurOperator, trajectory: Trajectory) -> BlurOperator:
     """The same latent image under another trajectory."""
-    return BlurOperator(timing=K.timing, trajectory=trajectory, intrinsics=K.intrinsics, samples=K.samples, margin=K.margin)
+    return BlurOperator(camera=K.camera, trajectory=trajectory, samples=K.samples, margin=K.margin)
 
 
 def _distance(one: Trajectory, other: Trajectory, camera: Camera) -> float:

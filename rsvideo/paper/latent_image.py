@@ -58,7 +58,7 @@ def restore(
         raise ValueError(f"mu must be above 0, got {mu:g}")
     if not K.is_shift:
         return restore_by_gradients(b, K, mu=mu, settings=settings).state.latent
-    direction = K.timing.direction
+    direction = K.camera.timing.direction
     lines = direction.scanlines(b)
     A = row_fourier(K.displacement, lines.shape[1])
     latent = restore_rows(lines, A, mu=mu, settings=settings).state.latent

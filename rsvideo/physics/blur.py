@@ -11,10 +11,9 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
-from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_from_pinhole
+from rsvideo.physics.camera import LEAST_DEPTH, Camera, Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.rotation import cross, left_jacobian
-from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.physics.warp import taps
 from rsvideo.threads import loop, most, spread
@@ -34,34 +33,27 @@ class BlurOperator:
     beyond that see nothing.
     """
 
-    timing: ShutterTiming
+    camera: Camera
     trajectory: Trajectory
-    intrinsics: Intrinsics
     samples: int = SAMPLES
     margin: tuple[int, int]  # rows above and below, columns left and right of the frame
 
     @classmethod
-    def covering(
-        cls, trajectory: Trajectory, *, timing: ShutterTiming, intrinsics: Intrinsics, samples: int = SAMPLES, slack: int = 2
-    ) -> "BlurOperator":
+    def covering(cls, trajectory: Trajectory, *, camera: Camera, samples: int = SAMPLES, slack: int = 2) -> "BlurOperator":
         """The operator whose latent image holds all that the frame sees, and `slack` pixels more for the path to change."""
-        bare = cls(timing=timing, trajectory=trajectory, intrinsics=intrinsics, samples=samples, margin=(0, 0))
+        bare = cls(camera=camera, trajectory=trajectory, samples=samples, margin=(0, 0))
         if bare.is_shift:
-            x, y = np.abs(bare.displacement).max(axis=(0, 1)) @ np.abs(timing.direction.pose_from_scanlines[:2, :2]).T
+            x, y = np.abs(bare.displacement).max(axis=(0, 1)) @ np.abs(camera.timing.direction.pose_from_scanlines[:2, :2]).T
         else:
-            x, y = _reach(bare._maps, bare._camera, bare._image_from_scan)
-        return cls(
-            timing=timing,
-            trajectory=trajectory,
-            intrinsics=intrinsics,
-            samples=samples,
-            margin=(math.ceil(y) + 1 + slack, math.ceil(x) + 1 + slack),
-        )
+            x, y = _reach(bare._maps, bare._scan_intrinsics, bare._image_from_scan)
+        margin = math.ceil(y) + 1 + slack, math.ceil(x) + 1 + slack
+        return cls(camera=camera, trajectory=trajectory, samples=samples, margin=margin)
 
     def __post_init__(self) -> None:
-        across = self.timing.direction.scanlines(np.empty((self.intrinsics.rows, self.intrinsics.cols))).shape[0]
-        if across != self.timing.rows:
-            raise ValueError(f"the shutter reads {self.timing.rows} scanlines, the frame has {across} {self.timing.direction.value}")
+        timing = self.camera.timing
+        across = timing.direction.scanlines(np.empty(self.frame_shape)).shape[0]
+        if across != timing.rows:
+            raise ValueError(f"the shutter reads {timing.rows} scanlines, the frame has {across} {timing.direction.value}")
 
     @property
     def is_shift(self) -> bool:
@@ -71,12 +63,13 @@ class BlurOperator:
     @property
     def frame_shape(self) -> tuple[int, int]:
         """Rows and columns of what the camera writes."""
-        return self.intrinsics.rows, self.intrinsics.cols
+        return self.camera.intrinsics.rows, self.camera.intrinsics.cols
 
     @property
     def latent_shape(self) -> tuple[int, int]:
         """Rows and columns of the latent image."""
-        return self.intrinsics.rows + 2 * self.margin[0], self.intrinsics.cols + 2 * self.margin[1]
+        rows, cols = self.frame_shape
+        return rows + 2 * self.margin[0], cols + 2 * self.margin[1]
 
     @property
     def inside(self) -> tuple[slice, slice]:
@@ -87,24 +80,24 @@ class BlurOperator:
     def forward(self, latent: Float[np.ndarray, "latent_rows latent_cols"]) -> Float[np.ndarray, "rows cols"]:
         """K l: the mean of the latent image over each scanline's exposure, Eq. (3)."""
         L = self._scanlines(latent)
-        out = np.zeros((self.timing.rows, self._along), latent.dtype)
+        out = np.zeros((self.camera.timing.rows, self._along), latent.dtype)
         if self.is_shift:
             spread(_shift_forward, len(out), L, *self._taps(latent.dtype), out)
         else:
-            spread(_turn_forward, len(out), L, self._maps, self._ideal, packed(self._camera), *self._scan_margin, out)
+            spread(_turn_forward, len(out), L, self._maps, self._ideal, packed(self._scan_intrinsics), *self._scan_margin, out)
         return self._image(out)
 
     def adjoint(self, frame: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "latent_rows latent_cols"]:
         """K^T b."""
         b = self._scanlines(frame)
         top, left = self._scan_margin
-        shape = (self.timing.rows + 2 * top, self._along + 2 * left)
+        shape = (self.camera.timing.rows + 2 * top, self._along + 2 * left)
         if self.is_shift:
             out = np.zeros(shape, frame.dtype)
             spread(_shift_adjoint, len(out), b, *self._taps(frame.dtype), out)
             return self._image(out)
         parts = np.zeros((min(PARTS, most()), *shape), frame.dtype)
-        spread(_turn_adjoint, len(parts), b, self._maps, self._ideal, packed(self._camera), top, left, parts)
+        spread(_turn_adjoint, len(parts), b, self._maps, self._ideal, packed(self._scan_intrinsics), top, left, parts)
         return self._image(parts.sum(axis=0))
 
     def jacobian(self, latent: Float[np.ndarray, "latent_rows latent_cols"]) -> Float[np.ndarray, "terms axes rows cols"]:
@@ -112,15 +105,15 @@ class BlurOperator:
         L = self._scanlines(latent)
         J_p = self.trajectory.basis(self._times).astype(latent.dtype)
         axes = 2 if self.is_shift else 3
-        out = np.zeros((J_p.shape[-1], axes, self.timing.rows, self._along), latent.dtype)
+        out = np.zeros((J_p.shape[-1], axes, self.camera.timing.rows, self._along), latent.dtype)
         if self.is_shift:
-            spread(_shift_jacobian, self.timing.rows, L, *self._taps(latent.dtype), J_p, out)
-            P = self.timing.direction.pose_from_scanlines[:2, :2].astype(latent.dtype)
+            spread(_shift_jacobian, self.camera.timing.rows, L, *self._taps(latent.dtype), J_p, out)
+            P = self.camera.timing.direction.pose_from_scanlines[:2, :2].astype(latent.dtype)
             out = np.einsum("as,tsij->taij", P, out)
         else:
-            how = self._maps, self._map_derivatives, self._ideal, packed(self._camera), J_p, *self._scan_margin
-            spread(_turn_jacobian, self.timing.rows, L, *how, out)
-        return np.ascontiguousarray(np.array([[self.timing.direction.image(part) for part in term] for term in out]))
+            how = self._maps, self._map_derivatives, self._ideal, packed(self._scan_intrinsics), J_p, *self._scan_margin
+            spread(_turn_jacobian, self.camera.timing.rows, L, *how, out)
+        return np.ascontiguousarray(np.array([[self.camera.timing.direction.image(part) for part in term] for term in out]))
 
     def psf(self, row: int, col: int) -> Float[np.ndarray, "k k"]:
         """The kernel k of b = k * l about one pixel, odd and centred: its mass lies at minus the pose."""
@@ -136,48 +129,49 @@ class BlurOperator:
     @property
     def _along(self) -> int:
         """Pixels of one scanline."""
-        return self.intrinsics.rows * self.intrinsics.cols // self.timing.rows
+        rows, cols = self.frame_shape
+        return rows * cols // self.camera.timing.rows
 
     @property
     def _scan_margin(self) -> tuple[int, int]:
-        swapped = self.timing.direction.pose_from_scanlines[0, 0] == 0
+        swapped = self.camera.timing.direction.pose_from_scanlines[0, 0] == 0
         return (self.margin[1], self.margin[0]) if swapped else self.margin
 
     @property
     def _times(self) -> Float[np.ndarray, "scanlines samples"]:
-        return self.timing.sample_times(self.samples)
+        return self.camera.timing.sample_times(self.samples)
 
     def _scanlines(self, image: Float[np.ndarray, "r c"]) -> Float[np.ndarray, "scanlines along"]:
-        return np.ascontiguousarray(self.timing.direction.scanlines(image))
+        return np.ascontiguousarray(self.camera.timing.direction.scanlines(image))
 
     def _image(self, scanlines: Float[np.ndarray, "scanlines along"]) -> Float[np.ndarray, "r c"]:
-        return np.ascontiguousarray(self.timing.direction.image(scanlines))
+        return np.ascontiguousarray(self.camera.timing.direction.image(scanlines))
 
     @cached_property
     def displacement(self) -> Float[np.ndarray, "scanlines samples 2"]:
         """Offsets (along, across) the scanlines, of each scanline and sample, where the trajectory is a shift."""
-        return self.trajectory.at(self._times)[..., :2] @ self.timing.direction.pose_from_scanlines[:2, :2]
+        return self.trajectory.at(self._times)[..., :2] @ self.camera.timing.direction.pose_from_scanlines[:2, :2]
 
     def _taps(self, dtype: np.dtype) -> tuple[Int[np.ndarray, "s k"], Float[np.ndarray, "s k 2"], Int[np.ndarray, "s k"], np.ndarray]:
         """Rows and columns of the latent image under a scanline's first pixel, and their weights."""
         top, left = self._scan_margin
         row, row_weights = taps(self.displacement[..., 1])
         col, col_weights = taps(self.displacement[..., 0])
-        row += top + np.arange(self.timing.rows)[:, None]
+        row += top + np.arange(self.camera.timing.rows)[:, None]
         return row, row_weights.astype(dtype), col + left, col_weights.astype(dtype)
 
     @cached_property
     def _image_from_scan(self) -> Float[np.ndarray, "3 3"]:
         """Takes (along, scanline, 1) to the pixel (x, y, 1)."""
         A = np.eye(3)
-        A[:2, :2] = self.timing.direction.pose_from_scanlines[:2, :2]
-        last = np.array([self.intrinsics.cols - 1, self.intrinsics.rows - 1])
+        A[:2, :2] = self.camera.timing.direction.pose_from_scanlines[:2, :2]
+        last = np.array([self.camera.intrinsics.cols - 1, self.camera.intrinsics.rows - 1])
         A[:2, 2] = np.where(A[:2, :2].sum(axis=1) < 0, last, 0)
         return A
 
     @cached_property
     def _rotations(self) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3 3"]]:
-        omega = angles_from_poses(self.trajectory.at(self._times.ravel()), camera=self.intrinsics)
+        omega = angles_from_poses(self.trajectory.at(self._times.ravel()), camera=self.camera.intrinsics)
         return omega, Rotation.from_rotvec(omega).as_matrix()
 
     @cached_property
@@ -191,36 +185,36 @@ class BlurOperator:
         """J_w(p) in homogeneous coordinates: dH / d(x, y, roll)."""
         left, right = self._around
         omega, R = self._rotations
-        fx, fy = self.intrinsics.fx, self.intrinsics.fy
+        fx, fy = self.camera.intrinsics.fx, self.camera.intrinsics.fy
         d_omega = np.array([[0, 1 / fx, 0], [-1 / fy, 0, 0], [0, 0, 1.0]])  # of (x, y, roll), a row each
         turned = d_omega @ left_jacobian(omega).swapaxes(-1, -2)
         dR = cross(turned) @ R[:, None]
         return (left @ dR @ right).reshape(*self._times.shape, 3, 3, 3)
 
     @cached_property
-    def _camera(self) -> Intrinsics:
-        return self.intrinsics.along(self.timing.direction)
+    def _scan_intrinsics(self) -> Intrinsics:
+        return self.camera.intrinsics.along(self.camera.timing.direction)
 
     @cached_property
     def _ideal(self) -> Float[np.ndarray, "scanlines along 2"]:
         """Where a pinhole camera would show what the frame's pixels show, in scanline coordinates, which `_maps` take."""
-        x, y = np.meshgrid(np.arange(self._along, dtype=float), np.arange(self.timing.rows, dtype=float))
-        return pinhole_from_px(self._camera, x, y)
+        x, y = np.meshgrid(np.arange(self._along, dtype=float), np.arange(self.camera.timing.rows, dtype=float))
+        return pinhole_from_px(self._scan_intrinsics, x, y)
 
     @property
     def _around(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
-        around = np.linalg.inv(self._image_from_scan) @ self.intrinsics.matrix
+        around = np.linalg.inv(self._image_from_scan) @ self.camera.intrinsics.matrix
         return around, np.linalg.inv(around)
 
 
-def _reach(maps: Float[np.ndarray, "s k 3 3"], camera: Intrinsics, image_from_scan: Float[np.ndarray, "3 3"]) -> tuple[float, float]:
+def _reach(maps: Float[np.ndarray, "s k 3 3"], lens: Intrinsics, image_from_scan: Float[np.ndarray, "3 3"]) -> tuple[float, float]:
     """The largest move of any pixel in the image's x and y."""
-    x, y = np.meshgrid(np.linspace(0, camera.cols - 1, _REACH_COLS), np.arange(camera.rows, dtype=float))
-    at = np.concatenate([np.moveaxis(pinhole_from_px(camera, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, columns)
+    x, y = np.meshgrid(np.linspace(0, lens.cols - 1, _REACH_COLS), np.arange(lens.rows, dtype=float))
+    at = np.concatenate([np.moveaxis(pinhole_from_px(lens, x, y), -1, 0), np.ones_like(x)[None]])  # (3, scanlines, columns)
     mapped = np.einsum("skab,bsc->aksc", maps, at)
     if not (mapped[2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    shown = np.moveaxis(px_from_pinhole(camera, mapped[0] / mapped[2], mapped[1] / mapped[2]), -1, 0)
+    shown = np.moveaxis(px_from_pinhole(lens, mapped[0] / mapped[2], mapped[1] / mapped[2]), -1, 0)
     move = np.abs(image_from_scan[:2, :2]) @ np.abs(shown - np.stack([x, y])[:, None]).reshape(2, -1)
     return float(move[0].max()), float(move[1].max())
 

@@ -10,6 +10,7 @@ import rsvideo
 from rsvideo.config.request import Request
 from rsvideo.frame import Verdict
 from rsvideo.physics.blur import BlurOperator
+from rsvideo.physics.camera import Camera
 from rsvideo.pipeline.deblur import carry_out
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import ignore
@@ -91,7 +92,8 @@ def test_psfs_are_those_of_the_blur_operator(direction: str) -> None:
         taken.blurred, shutter=shutter, camera=rsvideo.Camera(focal_px=100), settings=QUICK, trajectory=taken.trajectory
     )
     kernels = result.psfs((5, 3))
-    operator = BlurOperator.covering(result.trajectory.curve, timing=result.timing, intrinsics=result.camera, samples=400)
+    camera = Camera(timing=result.timing, intrinsics=result.camera)
+    operator = BlurOperator.covering(result.trajectory.curve, camera=camera, samples=400)
     for i, row in enumerate(range(6, 65, 13)):
         for j, col in enumerate(range(12, 75, 25)):
             twin = operator.psf(row, col)

@@ -36,8 +36,10 @@ from rsvideo.solvers.stopping import solve
 from rsvideo.solvers.total_variation import objective, total_variation
 
 ROWS, COLS, MU = 450, 800, 1e-3
-CAMERA = Intrinsics.centred(focal=1000.0, rows=ROWS, cols=COLS)
-TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
+CAMERA = Camera(
+    timing=ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS),
+    intrinsics=Intrinsics.centred(focal=1000.0, rows=ROWS, cols=COLS),
+)
 D = Differences()
 
 
@@ -178,14 +180,16 @@ def by_sparse_matrix(
 @pytest.fixture(scope="module")
 def frame() -> tuple[np.ndarray, np.ndarray, BlurOperator]:
     """A frame with 18 px of blur, its truth, and its operator."""
-    t0, t1 = TIMING.interval
+    t0, t1 = CAMERA.timing.interval
     path = Polynomial(t0=t0, t1=t1, coefficients=np.array([[0, 0], [10, 4], [-2, 3], [1, -1], [0.3, 0.2]], float))
-    path = simulate.scaled_to(18, camera=CAMERA, timing=TIMING, trajectory=path)
+    path = simulate.scaled_to(18, camera=CAMERA.intrinsics, timing=CAMERA.timing, trajectory=path)
     picture = cv2.resize(skimage.data.astronaut()[:400], (COLS + 100, ROWS + 100), interpolation=cv2.INTER_AREA)
     scene = decode(Transfer.SRGB, (picture / 255).astype(np.float32)).mean(axis=2, keepdims=True)
     noise = Noise.at_half(0.002)
-    made = simulate.render(scene, camera=CAMERA, timing=TIMING, trajectory=path, noise=noise, rng=np.random.default_rng(0))
-    return made.blurred[..., 0], made.truth[..., 0], BlurOperator.covering(path, timing=TIMING, intrinsics=CAMERA)
+    made = simulate.render(
+        scene, camera=CAMERA.intrinsics, timing=CAMERA.timing, trajectory=path, noise=noise, rng=np.random.default_rng(0)
+    )
+    return made.blurred[..., 0], made.truth[..., 0], BlurOperator.covering(path, camera=CAMERA)
 
 
 def psnr(image: np.ndarray, truth: np.ndarray) -> float:
@@ -267,7 +271,7 @@ def test_one_round_of_algorithm_1(frame, benchmark):
     settings = PaperSettings(mu_0=MU, mu_min=MU, latent=LatentSettings(steps=10, tolerance=0))
 
     def step() -> float:
-        return next(alternate(b, camera=Camera(timing=TIMING, intrinsics=CAMERA), start=off, settings=settings)).objective
+        return next(alternate(b, camera=CAMERA, start=off, settings=settings)).objective
 
     step()
     value = benchmark.pedantic(step, rounds=3)

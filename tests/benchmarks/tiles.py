@@ -43,15 +43,14 @@ def gains(case: Path) -> tuple[int, float, float, float]:
     facts = json.loads((case / "case.json").read_text())
     frame, truth = grey(case / "blurred.png"), grey(case / "truth.png")
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])
-    camera = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
-    path = given_motion.read(case / "motion.csv", timing, camera)
+    lens = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
+    camera = Camera(timing=timing, intrinsics=lens)
+    path = given_motion.read(case / "motion.csv", timing, lens)
     settings = Settings(prior="tv", mu_final=MU)
     unclipped = np.zeros((*frame.shape, 1), bool)
-    tiles = nonblind.tiled(
-        frame[..., None], unclipped, path, Camera(timing=timing, intrinsics=camera), samples=settings.samples, tolerance=settings.tolerance
-    )
+    tiles = nonblind.tiled(frame[..., None], unclipped, path, camera, samples=settings.samples, tolerance=settings.tolerance)
     by_tiles = deque(nonblind.deblur(tiles, settings, 0.003), maxlen=1).pop()[..., 0]
-    K = BlurOperator.covering(path, timing=timing, intrinsics=camera, samples=settings.samples)
+    K = BlurOperator.covering(path, camera=camera, samples=settings.samples)
     by_gradients = latent_image.restore(frame, K, mu=MU, settings=CONVERGED)[K.inside]
 
     def against_truth(light: np.ndarray) -> float:

@@ -20,7 +20,7 @@ from rsvideo.solvers.stopping import solve
 from rsvideo.solvers.total_variation import objective, total_variation
 
 ROWS, COLS, MU = 48, 64, 1e-3
-CAMERA = Intrinsics.centred(focal=80.0, rows=ROWS, cols=COLS)
+LENS = Intrinsics.centred(focal=80.0, rows=ROWS, cols=COLS)
 SHIFT = np.array([[0, 0], [3, 1.5], [-1, 1.2], [0.3, -0.3]])
 TURN = np.hstack([SHIFT, [[0], [0.02], [-0.01], [0]]])
 
@@ -36,16 +36,15 @@ def taken(coefficients, way=Direction.TOP_TO_BOTTOM, slack=6):
     lines = ROWS if way in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP) else COLS
     timing = ShutterTiming.from_readout(exposure=0.01, readout=0.02, rows=lines, direction=way)
     path = Polynomial(t0=0.0, t1=timing.interval[1], coefficients=coefficients)
-    K = BlurOperator.covering(path, timing=timing, intrinsics=CAMERA, slack=slack)
+    K = BlurOperator.covering(path, camera=Camera(timing=timing, intrinsics=LENS), slack=slack)
     latent = scene(K)
     return K.forward(latent), latent, K
 
 
 def off(K, factor=0.9):
     return BlurOperator(
-        timing=K.timing,
+        camera=K.camera,
         trajectory=K.trajectory.with_coefficients(K.trajectory.coefficients * factor),
-        intrinsics=CAMERA,
         samples=K.samples,
         margin=K.margin,
     )
@@ -90,9 +89,9 @@ def test_every_direction_of_readout_gives_the_same_image_turned(way):
     b, _, K = taken(SHIFT)
     P = way.pose_from_scanlines[:2, :2]
     turned = way.image(np.ascontiguousarray(b))
-    camera = Intrinsics.centred(focal=80.0, rows=turned.shape[0], cols=turned.shape[1])
+    lens = Intrinsics.centred(focal=80.0, rows=turned.shape[0], cols=turned.shape[1])
     path = K.trajectory.with_coefficients(SHIFT @ P.T)
-    other = BlurOperator.covering(path, timing=replace(timing, direction=way), intrinsics=camera)
+    other = BlurOperator.covering(path, camera=Camera(timing=replace(timing, direction=way), intrinsics=lens))
     settings = LatentSettings(steps=5)
     one, two = restore(b, K, mu=MU, settings=settings)[K.inside], restore(turned, other, mu=MU, settings=settings)[other.inside]
     np.testing.assert_allclose(way.image(one), two, atol=1e-5)
@@ -127,8 +126,8 @@ def test_a_round_of_algorithm_1_lowers_the_objective_by_both_updates(coefficient
     b, _, K = taken(coefficients)
     start = off(K).trajectory
     settings = PaperSettings(latent=LatentSettings(steps=30))
-    one = next(alternate(b, camera=Camera(timing=K.timing, intrinsics=CAMERA), start=start, settings=settings))
-    before = BlurOperator.covering(start, timing=K.timing, intrinsics=CAMERA, slack=settings.slack)
+    one = next(alternate(b, camera=K.camera, start=start, settings=settings))
+    before = BlurOperator.covering(start, camera=K.camera, slack=settings.slack)
     flat = np.pad(b, [(m, m) for m in before.margin], mode="edge")
     at_start, after_latent = (objective(x, b, mu=one.mu, blur=before, gradient=Differences()) for x in (flat, one.latent))
     assert one.objective < after_latent < at_start
@@ -139,7 +138,7 @@ def test_mu_falls_by_tau_to_its_least_and_the_gauge_stays():
     b, _, K = taken(SHIFT)
     settings = PaperSettings(mu_0=1e-2, tau=0.5, mu_min=2e-3, motion_steps=1, latent=LatentSettings(steps=3))
     start = off(K).trajectory.shifted(np.array([0.5, 0.2]))
-    rounds = list(itertools.islice(alternate(b, camera=Camera(timing=K.timing, intrinsics=CAMERA), start=start, settings=settings), 4))
+    rounds = list(itertools.islice(alternate(b, camera=K.camera, start=start, settings=settings), 4))
     assert [r.mu for r in rounds] == pytest.approx([1e-2, 5e-3, 2.5e-3, 2e-3])
     for r in rounds:
         np.testing.assert_array_equal(r.trajectory.coefficients[0], start.coefficients[0])

@@ -5,7 +5,7 @@ import pytest
 
 from rsvideo.paper.tracing import trace, traced_curve
 from rsvideo.physics.blur import BlurOperator
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial
 from rsvideo.restoration.psf_fit import Strip
@@ -25,8 +25,8 @@ def path(name):
 
 def strips_of(trajectory, count=6):
     """The true PSFs of the strips' middle scanlines."""
-    camera = Intrinsics.centred(focal=1000.0, rows=ROWS, cols=80)
-    K = BlurOperator.covering(trajectory, timing=TIMING, intrinsics=camera, samples=60)
+    camera = Camera(timing=TIMING, intrinsics=Intrinsics.centred(focal=1000.0, rows=ROWS, cols=80))
+    K = BlurOperator.covering(trajectory, camera=camera, samples=60)
     height = ROWS // (count - 1)
     firsts = np.linspace(0, ROWS - height, count).astype(int)
     return [Strip(first=int(f), last=int(f) + height, middle=40.0, kernel=K.psf(int(f) + height // 2, 40)) for f in firsts]

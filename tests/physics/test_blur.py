@@ -9,13 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from rsvideo.physics import simulate
 from rsvideo.physics.blur import BlurOperator
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Spline, still
 
 ROWS, COLS = 17, 23
-CAMERA = Intrinsics(fx=60.0, fy=50.0, cx=10.3, cy=8.8, rows=ROWS, cols=COLS)
+LENS = Intrinsics(fx=60.0, fy=50.0, cx=10.3, cy=8.8, rows=ROWS, cols=COLS)
 WAYS = list(Direction)
 BARREL = Distortion(model="brown-conrady", coefficients=(-0.6, 0.5, 0.02, -0.03, 0.1))
 FISHEYE = Distortion(model="fisheye", coefficients=(-0.3, 0.2, 0.1, -0.1))
@@ -36,7 +36,8 @@ def path(axes, *, seed=0, scale=2.0, when=None):
 
 def operator(axes, way=Direction.TOP_TO_BOTTOM, *, readout=0.02, samples=7, lens=None):
     when = timing(way, readout)
-    return BlurOperator.covering(path(axes, when=when), timing=when, intrinsics=replace(CAMERA, distortion=lens), samples=samples)
+    camera = Camera(timing=when, intrinsics=replace(LENS, distortion=lens))
+    return BlurOperator.covering(path(axes, when=when), camera=camera, samples=samples)
 
 
 def noise(shape, seed=1):
@@ -45,8 +46,8 @@ def noise(shape, seed=1):
 
 def written_out(K: BlurOperator, latent, exact_rotation):
     """Eq. (2)-(4) pixel by pixel; nothing shared but the path and the timing."""
-    C = CAMERA.matrix
-    way, when = K.timing.direction, K.timing
+    C = LENS.matrix
+    way, when = K.camera.timing.direction, K.camera.timing
     out = np.zeros((ROWS, COLS))
     for y in range(ROWS):
         for x in range(COLS):
@@ -55,7 +56,7 @@ def written_out(K: BlurOperator, latent, exact_rotation):
                 t = line * when.row_time + (k + 0.5) * when.exposure / K.samples
                 pose = K.trajectory.at(np.array([t]))[0]
                 if exact_rotation:
-                    R = Rotation.from_rotvec([-pose[1] / CAMERA.fy, pose[0] / CAMERA.fx, pose[2]]).as_matrix()
+                    R = Rotation.from_rotvec([-pose[1] / LENS.fy, pose[0] / LENS.fx, pose[2]]).as_matrix()
                     u, v, w = C @ R @ np.linalg.inv(C) @ [x, y, 1]
                     u, v = u / w, v / w
                 else:
@@ -88,7 +89,7 @@ def test_adjoint_is_the_transpose(axes, lens, way, readout):
 @pytest.mark.parametrize("axes", [2, 3])
 def test_adjoint_is_the_transpose_where_the_path_leaves_the_latent_image(axes):
     roomy = operator(axes)
-    K = BlurOperator(timing=roomy.timing, trajectory=roomy.trajectory, intrinsics=CAMERA, samples=7, margin=(1, 0))
+    K = BlurOperator(camera=roomy.camera, trajectory=roomy.trajectory, samples=7, margin=(1, 0))
     latent, frame = noise(K.latent_shape), noise((ROWS, COLS), 2)
     assert np.vdot(K.forward(latent), frame) == pytest.approx(np.vdot(latent, K.adjoint(frame)), rel=1e-12)
     assert K.forward(np.ones(K.latent_shape)).min() < 0.9
@@ -107,7 +108,7 @@ def test_turning_agrees_with_the_simulator_where_interpolation_is_exact(way, len
     K = operator(3, way, lens=lens)
     rows, cols = K.latent_shape
     ramp = 0.3 * np.arange(cols)[None, :] - 0.2 * np.arange(rows)[:, None]
-    seen = simulate.blur(ramp[..., None], camera=K.intrinsics, timing=K.timing, trajectory=K.trajectory, samples=7)
+    seen = simulate.blur(ramp[..., None], camera=K.camera.intrinsics, timing=K.camera.timing, trajectory=K.trajectory, samples=7)
     np.testing.assert_allclose(K.forward(ramp), seen[..., 0], atol=1e-9)
 
 
@@ -116,9 +117,9 @@ def test_far_away_a_turn_is_a_shift(way):
     far = Intrinsics.centred(focal=1e6, rows=ROWS, cols=COLS)
     shift = operator(2, way)
     three = np.hstack([shift.trajectory.coefficients, np.zeros((4, 1))])
-    turn = BlurOperator(
-        timing=shift.timing, trajectory=path(3, when=shift.timing).with_coefficients(three), intrinsics=far, samples=7, margin=shift.margin
-    )
+    camera = replace(shift.camera, intrinsics=far)
+    trajectory = path(3, when=camera.timing).with_coefficients(three)
+    turn = BlurOperator(camera=camera, trajectory=trajectory, samples=7, margin=shift.margin)
     latent = noise(shift.latent_shape)
     np.testing.assert_allclose(turn.forward(latent), shift.forward(latent), atol=2e-3)
     np.testing.assert_allclose(turn.jacobian(latent)[:, :2].mean(axis=(2, 3)), shift.jacobian(latent).mean(axis=(2, 3)), atol=2e-3)
@@ -139,9 +140,8 @@ def test_between_cells_the_jacobian_is_the_difference_quotient(axes, lens, way):
     def error(h):
         ends = [
             BlurOperator(
-                timing=K.timing,
+                camera=K.camera,
                 trajectory=K.trajectory.with_coefficients(K.trajectory.coefficients + s * h * direction),
-                intrinsics=K.intrinsics,
                 samples=7,
                 margin=K.margin,
             ).forward(latent)
@@ -175,7 +175,7 @@ def test_readout_zero_gives_every_row_the_same_blur():
 def test_a_camera_moving_right_and_down_leaves_its_psf_left_and_up():
     when = timing()
     moved = still(when.interval, degree=1, axes=2).shifted(np.array([3.0, 1.0]))
-    K = BlurOperator.covering(moved, timing=when, intrinsics=CAMERA, samples=3)
+    K = BlurOperator.covering(moved, camera=Camera(timing=when, intrinsics=LENS), samples=3)
     expected = np.zeros((7, 7))
     expected[3 - 1, 3 - 3] = 1
     np.testing.assert_allclose(K.psf(8, 9), expected, atol=1e-12)
@@ -196,16 +196,12 @@ def test_a_psf_is_what_a_point_becomes_up_to_the_change_between_rows(axes):
 def test_a_spline_may_move_the_camera():
     t0, t1 = timing().interval
     curve = Spline(t0=t0, t1=t1, coefficients=np.random.default_rng(0).normal(size=(6, 2)))
-    K = BlurOperator.covering(curve, timing=timing(), intrinsics=CAMERA, samples=7)
+    K = BlurOperator.covering(curve, camera=Camera(timing=timing(), intrinsics=LENS), samples=7)
     latent = noise(K.latent_shape)
     np.testing.assert_allclose(K.forward(latent), written_out(K, latent, False), rtol=1e-12)
 
 
 def test_a_shutter_of_other_rows_is_refused():
+    shutter = ShutterTiming(exposure=0.01, row_time=0.0, rows=ROWS, direction=Direction.LEFT_TO_RIGHT)
     with pytest.raises(ValueError, match="reads 17 scanlines, the frame has 23 left-to-right"):
-        BlurOperator(
-            timing=ShutterTiming(exposure=0.01, row_time=0.0, rows=ROWS, direction=Direction.LEFT_TO_RIGHT),
-            trajectory=path(2),
-            intrinsics=CAMERA,
-            margin=(9, 9),
-        )
+        BlurOperator(camera=Camera(timing=shutter, intrinsics=LENS), trajectory=path(2), margin=(9, 9))
