@@ -13,7 +13,7 @@ from tests.pipeline.moving import Moving
 vs = pytest.importorskip("vapoursynth", reason="VapourSynth has wheels for Python 3.12 and later")
 
 MOVING = Moving(frames=3)
-GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(MOVING.camera.fx), "--force")
+GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(MOVING.lens.fx), "--force")
 
 
 @pytest.fixture(scope="module")

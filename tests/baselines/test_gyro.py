@@ -7,7 +7,6 @@ import pytest
 
 from rsvideo.baselines.gyro import RIGHT_ANGLES, aligned, first, log_path, movement, refined
 from rsvideo.physics import gyro
-from rsvideo.physics.camera import Camera
 from rsvideo.physics.gyro import GyroLog, camera_from_gyro
 from rsvideo.physics.shutter import Direction
 from rsvideo.restoration import clip_motion
@@ -25,18 +24,14 @@ def recorded(moving: Moving, axes: str = "XYZ", *, early: float = 0.0, late: flo
     t = np.arange(-early, moving.path.t1 + late, STEP)
     inside = (t >= 0) & (t <= moving.path.t1)
     fine = np.linspace(0, moving.path.t1, 400)
-    angles = gyro.angles_from_poses(moving.path.at(fine), camera=moving.camera)
+    angles = gyro.angles_from_poses(moving.path.at(fine), camera=moving.lens)
     rates = 0.02 * np.random.default_rng(0).standard_normal((len(t), 3))
     rates[inside] = gcsv.rates(fine, angles, t[inside]) * scale + bias
     return GyroLog(times=t - t[0], rates=rates @ camera_from_gyro(axes))
 
 
-def taken_by(moving: Moving) -> Camera:
-    return Camera(timing=moving.timing, intrinsics=moving.camera)
-
-
 def seen(moving: Moving, *, blur: bool = False) -> Run:
-    return clip_motion.gather(moving.recorded, taken_by(moving), Settings(), blur=blur)
+    return clip_motion.gather(moving.recorded, moving.camera, Settings(), blur=blur)
 
 
 def off(found: Movement, moving: Moving) -> float:
@@ -55,19 +50,19 @@ def off(found: Movement, moving: Moving) -> float:
 def test_a_log_tells_the_motion_within_and_between_frames_in_image_axes(direction: Direction) -> None:
     moving = Moving(frames=4, direction=direction)
     log = recorded(moving, "yZx", early=0.5, late=0.1)
-    found = movement(log, moving.begins, taken_by(moving), offset=0.5, axes="yZx")
+    found = movement(log, moving.begins, moving.camera, offset=0.5, axes="yZx")
     assert off(found, moving) < 0.1
     middles = moving.path.at(moving.begins + moving.timing.middle)
     np.testing.assert_allclose(found.steps[:-1], np.diff(middles, axis=0), atol=0.1)
     np.testing.assert_array_equal(found.steps[-1], 0)
     assert found.tied == [True, True, True, False]
-    assert off(movement(log, moving.begins, taken_by(moving), offset=0.5), moving) > 1.5
-    assert off(movement(log, moving.begins, taken_by(moving), offset=0.54, axes="yZx"), moving) > 1.5
+    assert off(movement(log, moving.begins, moving.camera, offset=0.5), moving) > 1.5
+    assert off(movement(log, moving.begins, moving.camera, offset=0.54, axes="yZx"), moving) > 1.5
 
 
 def test_no_step_leads_across_a_cut() -> None:
     moving = Moving(frames=3)
-    found = movement(recorded(moving), moving.begins, taken_by(moving), offset=0.0, tied=[False, True, False])
+    found = movement(recorded(moving), moving.begins, moving.camera, offset=0.0, tied=[False, True, False])
     assert [bool(step.any()) for step in found.steps] == [False, True, False]
 
 
@@ -133,7 +128,7 @@ def test_a_log_that_does_not_cover_the_clip_is_refused_with_the_times(offset: fl
     moving = Moving(frames=4)
     log = recorded(moving)
     with pytest.raises(ValueError, match=r"must cover the clip from 0 to 0\.165 s, with an offset of .* s it covers .* to .* s"):
-        movement(log, moving.begins, taken_by(moving), offset=offset)
+        movement(log, moving.begins, moving.camera, offset=offset)
     with pytest.raises(ValueError, match="must cover the clip"):
         aligned(log, seen(moving), offset=offset)
     short = replace(log, times=log.times[:20], rates=log.rates[:20])
@@ -144,7 +139,7 @@ def test_a_log_that_does_not_cover_the_clip_is_refused_with_the_times(offset: fl
 def test_a_log_that_is_too_slow_is_refused() -> None:
     moving = Moving(frames=3)
     log = GyroLog(times=np.arange(20) * 0.05, rates=np.zeros((20, 3)))
-    for asked in (lambda: movement(log, moving.begins, taken_by(moving), offset=0.0), lambda: aligned(log, seen(moving))):
+    for asked in (lambda: movement(log, moving.begins, moving.camera, offset=0.0), lambda: aligned(log, seen(moving))):
         with pytest.raises(ValueError, match="at least 40 samples a second to tell motion within a frame, got 20"):
             asked()
 
@@ -154,7 +149,7 @@ def test_points_and_blur_correct_a_log_that_is_wrong_by_a_little(direction: Dire
     moving = Moving(frames=5, direction=direction)
     run = seen(moving, blur=True)
     wrong = recorded(moving, late=0.02, scale=1.2, bias=0.05)
-    plain = movement(wrong, moving.begins, taken_by(moving), offset=0.003)
+    plain = movement(wrong, moving.begins, moving.camera, offset=0.003)
     better = refined(wrong, run, offset=0.003)
     assert off(plain, moving) > 0.5
     assert off(better, moving) < 0.6 * off(plain, moving)

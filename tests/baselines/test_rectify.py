@@ -8,8 +8,8 @@ import pytest
 from rsvideo.baselines import rectify
 from rsvideo.baselines.rectify import after
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics.camera import Camera, Intrinsics
-from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.shutter import Direction
 from rsvideo.physics.simulate import Rendering
 from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, fit
 from rsvideo.restoration import rectification
@@ -29,23 +29,22 @@ def sharp(frames: int, direction: Direction = Direction.TOP_TO_BOTTOM, reach: fl
 
 
 def movement(moving: Moving, frames: list[Frame] | None = None) -> Movement:
-    camera = Camera(timing=moving.timing, intrinsics=moving.camera)
-    return rectify.movement(moving.recorded if frames is None else frames, camera, Settings())
+    return rectify.movement(moving.recorded if frames is None else frames, moving.camera, Settings())
 
 
-def along(frame: Frame, path: Trajectory | None, timing: ShutterTiming, lens: Intrinsics) -> tuple[View, Trajectory | None]:
+def along(frame: Frame, path: Trajectory | None, camera: Camera) -> tuple[View, Trajectory | None]:
     """The frame and its path, given in image axes, along the scanlines."""
-    return to_scanlines(frame, Camera(timing=timing, intrinsics=lens)), path and path_along_scanlines(path, timing.direction)
+    return to_scanlines(frame, camera), path and path_along_scanlines(path, camera.timing.direction)
 
 
-def rectified(frame: Frame, path: Trajectory, timing: ShutterTiming, lens: Intrinsics) -> Frame:
-    view, path_along = along(frame, path, timing, lens)
+def rectified(frame: Frame, path: Trajectory, camera: Camera) -> Frame:
+    view, path_along = along(frame, path, camera)
     assert path_along is not None
     return rectification.rectified(view, path_along).frame
 
 
-def restored(frame: Frame, path: Trajectory | None, timing: ShutterTiming, lens: Intrinsics, flow: Flow | None = None) -> FrameResult:
-    return rectify.restored(*along(frame, path, timing, lens), flow=flow)
+def restored(frame: Frame, path: Trajectory | None, camera: Camera, flow: Flow | None = None) -> FrameResult:
+    return rectify.restored(*along(frame, path, camera), flow=flow)
 
 
 def drifting(moving: Moving, velocity: np.ndarray) -> list[Rendering]:
@@ -67,7 +66,7 @@ def astray(pixels: np.ndarray, truth: np.ndarray) -> np.ndarray:
 def test_the_true_path_brings_every_row_home(direction: Direction) -> None:
     moving = sharp(1, direction)
     frame, truth = moving.recorded[0], moving.renderings[0].truth
-    found = rectified(frame, moving.way(0), moving.timing, moving.camera)
+    found = rectified(frame, moving.way(0), moving.camera)
     assert np.sqrt((astray(frame.pixels, truth) ** 2).mean()) > 1.5
     assert np.median(astray(found.pixels, truth)) < 0.1
     assert np.sqrt((astray(found.pixels, truth) ** 2).mean()) < 0.15
@@ -77,11 +76,11 @@ def test_the_true_path_brings_every_row_home(direction: Direction) -> None:
 
 def test_a_global_shutter_is_left_bit_for_bit() -> None:
     moving = Moving(frames=1)
-    frame, timing = moving.recorded[0], after(moving.timing)
-    assert timing.interval == (0.0, moving.timing.exposure)
-    found = rectified(frame, moving.way(0), timing, moving.camera)
+    frame, camera = moving.recorded[0], replace(moving.camera, timing=after(moving.timing))
+    assert camera.timing.interval == (0.0, moving.timing.exposure)
+    found = rectified(frame, moving.way(0), camera)
     np.testing.assert_array_equal(found.pixels, frame.pixels)
-    result = restored(frame, moving.way(0), timing, moving.camera)
+    result = restored(frame, moving.way(0), camera)
     assert result.verdict is Verdict.SHARP
     np.testing.assert_array_equal(result.latent, frame.pixels)
 
@@ -90,7 +89,7 @@ def test_a_frame_that_stands_still_or_is_not_known_to_move_is_left_as_it_was() -
     moving = sharp(1)
     frame = moving.recorded[0]
     for way, verdict in ((STILL, Verdict.SHARP), (None, Verdict.NO_TEXTURE)):
-        result = restored(frame, way, moving.timing, moving.camera)
+        result = restored(frame, way, moving.camera)
         assert result.verdict is verdict
         np.testing.assert_array_equal(result.latent, frame.pixels)
         assert not result.trajectory.at(np.array([0.01])).any()
@@ -103,7 +102,7 @@ def test_light_stays_between_black_and_white_and_what_is_clipped_moves_along() -
     frame = Frame(pixels=edge, clipped=edge > 0)
     timing = moving.timing
     drift = Polynomial(t0=0.0, t1=timing.interval[1], coefficients=np.array([[0.0, 0.0], [10.0, 0.0]]))  # to the right, all the while
-    found = rectified(frame, drift, timing, moving.camera)
+    found = rectified(frame, drift, moving.camera)
     assert found.pixels.min() >= 0
     assert found.pixels.max() <= 1
     middle, top = found.pixels[48, :, 0], found.pixels[4, :, 0]
@@ -120,7 +119,7 @@ def test_colours_are_moved_alike() -> None:
     moving = sharp(1)
     frame = moving.recorded[0]
     colour = replace(frame, pixels=np.repeat(frame.pixels, 3, axis=2), clipped=np.repeat(frame.clipped, 3, axis=2))
-    grey, found = (rectified(f, moving.way(0), moving.timing, moving.camera) for f in (frame, colour))
+    grey, found = (rectified(f, moving.way(0), moving.camera) for f in (frame, colour))
     np.testing.assert_allclose(found.pixels, np.repeat(grey.pixels, 3, axis=2), atol=1e-6)
     assert found.clipped.shape == colour.pixels.shape
 
@@ -131,7 +130,7 @@ def test_what_tracks_show_takes_more_than_two_thirds_of_the_wobble_away(directio
     found = movement(moving)
     before, now = [], []
     for k in range(1, 5):
-        result = restored(moving.recorded[k], found.within[k], moving.timing, moving.camera)
+        result = restored(moving.recorded[k], found.within[k], moving.camera)
         assert result.verdict is Verdict.RESTORED
         for pixels, into in ((moving.recorded[k].pixels, before), (result.latent, now)):
             into.append((astray(pixels, moving.renderings[k].truth) ** 2).mean())
@@ -154,7 +153,7 @@ def test_a_near_thing_that_passes_by_is_put_right_too(direction: Direction, ther
     for k in (1, 2):
         beyond = found.evidence[k].flow
         assert beyond
-        shown = [restored(frames[k], found.within[k], moving.timing, moving.camera, flow=flow).latent for flow in (beyond, None)]
+        shown = [restored(frames[k], found.within[k], moving.camera, flow=flow).latent for flow in (beyond, None)]
         for pixels, into in zip((*shown, frames[k].pixels), (ours, plain, before), strict=True):
             into.append(float((astray(pixels, truth[k]) ** 2).mean()))
     assert np.mean(ours) < np.mean(plain) / 4

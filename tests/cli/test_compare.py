@@ -17,7 +17,7 @@ from tests.cli.forked import call
 from tests.pipeline.moving import Moving, encode, planes
 
 CLIP = Moving(frames=3, rows=64, cols=96, reach=6.0)
-GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.camera.fx))
+GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.lens.fx))
 STAND_IN = Path(__file__).with_name("compare_stand_in.py")
 
 
@@ -29,7 +29,7 @@ def compare(*words: object) -> subprocess.CompletedProcess[str]:
 def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of cases with one clip and one still."""
     folder = tmp_path_factory.mktemp("cases")
-    said = {"exposure_s": 0.02, "row_time_s": 0.02 / 64, "focal_px": CLIP.camera.fx, "kind": "what else is said does not matter"}
+    said = {"exposure_s": 0.02, "row_time_s": 0.02 / 64, "focal_px": CLIP.lens.fx, "kind": "what else is said does not matter"}
     for home in (folder / "clips" / "sway_64", folder / "stills" / "shift_00"):
         home.mkdir(parents=True)
         (home / "case.json").write_text(json.dumps(said))
@@ -125,7 +125,7 @@ def test_every_clip_of_a_job_gets_a_page_and_all_an_index(clip: Path, tmp_path: 
     job = tmp_path / "job.yaml"
     job.write_text(
         f"report: {{ methods: [none], truth: 'truth{{ext}}', crops: [[8, 8, 32, 24]] }}\n"
-        f"clips:\n  - source: {clip}\n    camera: {{ exposure: 1/50, readout: 20ms, focal_px: {CLIP.camera.fx} }}\n"
+        f"clips:\n  - source: {clip}\n    camera: {{ exposure: 1/50, readout: 20ms, focal_px: {CLIP.lens.fx} }}\n"
     )
     assert app(["compare", str(job), "-o", str(tmp_path / "report")], standalone_mode=False) == 0
     (told,) = json.loads((tmp_path / "report" / "report.json").read_text())["inputs"]

@@ -17,7 +17,7 @@ from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets
 
 CLIP = Moving(frames=6)
-GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.camera.fx))
+GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.lens.fx))
 QUICK = ("--prior", "tv", "--quality", "draft")
 
 
@@ -96,7 +96,7 @@ def test_a_clip_is_closer_to_the_truth_than_before_and_keeps_its_sound(source: P
 def test_an_exposure_that_blur_does_not_show_is_told_and_nothing_is_deblurred(tmp_path: Path) -> None:
     moving = Moving(frames=8, rows=128, cols=192)
     clip = moving.clip(tmp_path / "clip.mp4")
-    wrong = ("--exposure", "1/25", "--readout", "20ms", "--focal-px", str(moving.camera.fx), "--force")
+    wrong = ("--exposure", "1/25", "--readout", "20ms", "--focal-px", str(moving.lens.fx), "--force")
     done = rsvideo("deblur", clip, "-o", tmp_path / "out.mkv", *wrong, "--codec", "ffv1")
     assert done.returncode == 0, done.stderr
     assert "frames does not show 40 ms" in done.stderr

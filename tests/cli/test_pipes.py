@@ -20,7 +20,7 @@ from tests.pipeline.moving import Moving
 from tests.video.clips import make
 
 CLIP = Moving(frames=3)
-GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.camera.fx), "--force", "--prior", "tv", "--quality", "draft")
+GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.lens.fx), "--force", "--prior", "tv", "--quality", "draft")
 NONE = ("--method", "none")
 FFMPEG = (imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-nostdin")
 HEADER = b"YUV4MPEG2 W64 H48 F24:1 Cmono\n"

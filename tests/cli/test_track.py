@@ -23,7 +23,7 @@ from tests.pipeline.moving import planes as coded
 from tests.video.clips import make
 
 CLIP = Moving(frames=4)
-GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.camera.fx), "--force")
+GOOD = ("--exposure", "1/50", "--readout", "20ms", "--focal-px", str(CLIP.lens.fx), "--force")
 LOSSLESS = ("--codec", "ffv1", "--prior", "tv")
 
 

@@ -15,7 +15,7 @@ from av.video.stream import VideoStream
 
 from rsvideo.frame import Frame
 from rsvideo.physics import gyro, tone
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import Rendering, render
@@ -56,7 +56,7 @@ class Moving:
     readout: float = 0.02
 
     @property
-    def camera(self) -> Intrinsics:
+    def lens(self) -> Intrinsics:
         return Intrinsics.centred(focal=1.2 * self.cols, rows=self.rows, cols=self.cols)
 
     @property
@@ -64,6 +64,10 @@ class Moving:
         sideways = self.direction in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT)
         lines = self.cols if sideways else self.rows
         return ShutterTiming.from_readout(exposure=self.exposure, readout=self.readout, rows=lines, direction=self.direction)
+
+    @property
+    def camera(self) -> Camera:
+        return Camera(timing=self.timing, intrinsics=self.lens)
 
     @property
     def begins(self) -> np.ndarray:
@@ -99,7 +103,7 @@ class Moving:
     def shot(self, way: Trajectory, k: int) -> Rendering:
         """Frame k of a camera that moves in this way instead."""
         noise, rng = Noise.at_half(0.002), np.random.default_rng(k)
-        return render(self.light, camera=self.camera, timing=self.timing, noise=noise, samples=24, trajectory=way, rng=rng)
+        return render(self.light, camera=self.lens, timing=self.timing, noise=noise, samples=24, trajectory=way, rng=rng)
 
     @property
     def recorded(self) -> list[Frame]:
@@ -117,7 +121,7 @@ class Moving:
     def motion(self, path: Path) -> Path:
         """The motion as CSV."""
         t = np.arange(self.path.t0, self.path.t1, 0.5e-3)
-        angles = gyro.angles_from_poses(self.path.at(t), camera=self.camera)
+        angles = gyro.angles_from_poses(self.path.at(t), camera=self.lens)
         lines = [f"{at:.6g}," + ",".join(f"{a:.9g}" for a in turn) for at, turn in zip(t, angles, strict=True)]
         path.write_text("\n".join([",".join(COLUMNS), *lines]) + "\n")
         return path

@@ -237,7 +237,7 @@ def moving(tmp_path_factory: pytest.TempPathFactory) -> tuple[Moving, Path]:
 
 def task_of(moving: tuple[Moving, Path], output: Path, **words: Any) -> Task:
     first, source = moving
-    return prepare(asked(source, output, exposure=0.02, readout=0.02, focal_px=first.camera.fx, **words))
+    return prepare(asked(source, output, exposure=0.02, readout=0.02, focal_px=first.lens.fx, **words))
 
 
 @pytest.mark.slow

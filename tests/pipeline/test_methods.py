@@ -10,7 +10,6 @@ import pytest
 from rsvideo.config.method import Method
 from rsvideo.config.request import Motion
 from rsvideo.frame import Verdict
-from rsvideo.physics.camera import Camera
 from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.report.metrics import psnr
@@ -29,15 +28,13 @@ def treatment(method: Method, log: Path | None = None) -> Treatment:
     clip, settings, gyro = moving(), Settings(), None
     if log is not None:
         stated = Motion(gyro=clip.motion(log))
-        gyro = gyro_alignment.placed(
-            stated, gyro_alignment.read(stated, log, clip.timing), clip.recorded, clip.timing, clip.camera, settings
-        )
+        gyro = gyro_alignment.placed(stated, gyro_alignment.read(stated, log, clip.timing), clip.recorded, clip.timing, clip.lens, settings)
     return Treatment(
         method=method,
         settings=settings,
         block_rows=None,
         gyro=gyro,
-        camera=Camera(timing=clip.timing, intrinsics=clip.camera),
+        camera=clip.camera,
         timing_source="EXIF",
     )
 

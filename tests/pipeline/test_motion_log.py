@@ -49,14 +49,14 @@ def test_parts_are_pieces_of_the_whole_path_and_cover_it() -> None:
     steps = np.array([frame.to_next or [0.0] * 3 for frame in frames])
     within = [(np.array(frame.trajectory.t_s), frame.trajectory.poses()) for frame in frames]
     t, poses = joined(np.array([frame.time_s for frame in frames]), within, steps, CLIP.timing)
-    angles = np.stack([-poses[:, 1] / CLIP.camera.fy, poses[:, 0] / CLIP.camera.fx, poses[:, 2]], axis=1)
-    begun, parts = 0.0, list(motion_log.parts(iter(frames), 24.0, CLIP.timing, CLIP.camera))
+    angles = np.stack([-poses[:, 1] / CLIP.lens.fy, poses[:, 0] / CLIP.lens.fx, poses[:, 2]], axis=1)
+    begun, parts = 0.0, list(motion_log.parts(iter(frames), 24.0, CLIP.timing, CLIP.lens))
     assert len(parts) > 2
     for part in parts:
         assert part.t_s[0] <= begun < part.until <= part.t_s[-1] + 1e-9
         mine = (part.t_s >= begun) & (part.t_s <= part.until)
         expected = np.stack([np.interp(part.t_s[mine], t - t[0], angles[:, axis]) for axis in range(3)], axis=1)
-        assert np.abs(part.angles[mine] - expected).max() * CLIP.camera.fx < 0.02  # px
+        assert np.abs(part.angles[mine] - expected).max() * CLIP.lens.fx < 0.02  # px
         begun = part.until
     assert begun > t[-1] - t[0] - 2e-3
 
@@ -64,12 +64,12 @@ def test_parts_are_pieces_of_the_whole_path_and_cover_it() -> None:
 @pytest.mark.parametrize(("frames", "rate"), [(1, 24), (3, 1000), (3, 100_000)])
 def test_one_frame_and_a_few_milliseconds_make_no_log(frames: int, rate: int) -> None:
     shutter = ShutterTiming.from_readout(exposure=0.2 / rate, readout=0.5 / rate, rows=96)
-    assert list(motion_log.parts(at_rest(frames, rate, shutter), rate, shutter, CLIP.camera)) == []
+    assert list(motion_log.parts(at_rest(frames, rate, shutter), rate, shutter, CLIP.lens)) == []
 
 
 @pytest.mark.parametrize("rate", [0.5, 1000, 20_000])
 def test_any_rate_makes_a_log_of_the_whole_clip(rate: float) -> None:
     shutter, frames = ShutterTiming.from_readout(exposure=0.2 / rate, readout=0.5 / rate, rows=96), max(30, round(rate / 5))
-    parts = list(motion_log.parts(at_rest(frames, rate, shutter), rate, shutter, CLIP.camera))
+    parts = list(motion_log.parts(at_rest(frames, rate, shutter), rate, shutter, CLIP.lens))
     assert parts[-1].until == pytest.approx((frames - 0.5) / rate, abs=2e-3 + 0.3 / rate)
     assert len(b"".join(gcsv.encoded(parts, timing=shutter)).splitlines()) > 1000 * (parts[-1].until - shutter.middle)

@@ -23,7 +23,7 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def request(source: Path, output: Path) -> Request:
-    camera = {"exposure": CLIP.exposure, "readout": CLIP.readout, "focal_px": CLIP.camera.fx}
+    camera = {"exposure": CLIP.exposure, "readout": CLIP.readout, "focal_px": CLIP.lens.fx}
     return Request.of(source, output, Sections.model_validate({"camera": camera})).replaced(preview=True)
 
 
@@ -68,7 +68,7 @@ def test_half_a_picture_is_that_of_half_a_camera(source: Path, tmp_path: Path) -
     task = prepare(request(source, tmp_path / "out.png"))
     half = preview.halved(task)
     assert (half.rows, half.cols) == (CLIP.rows // 2, CLIP.cols // 2)
-    assert half.camera.intrinsics.fx == pytest.approx(CLIP.camera.fx / 2)
+    assert half.camera.intrinsics.fx == pytest.approx(CLIP.lens.fx / 2)
     assert half.timing.exposure == task.timing.exposure
     assert half.timing.readout == pytest.approx(task.timing.readout)
     assert half.settings.quality == "draft"

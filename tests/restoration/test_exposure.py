@@ -131,4 +131,4 @@ def taken(frames: list[Frame], assumed: float) -> Run:
     size = frames[0].pixels.shape
     moving = Moving(frames=1, rows=size[0], cols=size[1], exposure=assumed)
     shifted = [replace(frame, time=frame.time + (MOVING.exposure - assumed) / 2) for frame in frames]
-    return gather(iter(shifted), Camera(timing=moving.timing, intrinsics=moving.camera), Settings())
+    return gather(iter(shifted), moving.camera, Settings())

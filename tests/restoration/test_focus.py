@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory, centred
 from rsvideo.restoration.camera_path import within
 from rsvideo.restoration.extent import longest
@@ -24,8 +23,7 @@ MOVING = Moving(frames=8, rows=128, cols=192)
 def blurred() -> tuple[Scene, Trajectory]:
     """A frame, and its true path as a polynomial."""
     k = 3
-    camera = Camera(timing=MOVING.timing, intrinsics=MOVING.camera)
-    scene = scene_of(to_scanlines(MOVING.recorded[k], camera), Settings())
+    scene = scene_of(to_scanlines(MOVING.recorded[k], MOVING.camera), Settings())
     return scene, centred(within(MOVING.path, float(MOVING.begins[k]), MOVING.timing), MOVING.timing.middle)
 
 

@@ -37,10 +37,6 @@ def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observ
     return of_run(gather(frames, camera, settings, observe))
 
 
-def taken_by(moving: Moving) -> Camera:
-    return Camera(timing=moving.timing, intrinsics=moving.camera)
-
-
 def test_pieces_of_a_path_join_to_the_path() -> None:
     path = sway(3)
     t, poses = joined(BEGINS, *pieces(path, TIMING), TIMING)
@@ -65,7 +61,7 @@ def test_pieces_that_disagree_fade_into_each_other() -> None:
 def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(direction: Direction) -> None:
     moving = Moving(frames=5, direction=direction, reach=9.0)
     seen: list[int | None] = []
-    found = movement(moving.recorded, taken_by(moving), Settings(), lambda at: seen.append(at.frame))
+    found = movement(moving.recorded, moving.camera, Settings(), lambda at: seen.append(at.frame))
     assert seen == [0, 1, 2, 3, 4]
     middles = moving.path.at(moving.begins + moving.timing.middle)
     np.testing.assert_allclose(found.steps[:-1, :2], np.diff(middles, axis=0)[:, :2], atol=0.6)
@@ -87,20 +83,20 @@ def test_frames_are_deblurred_only_where_their_blur_shows_the_exposure(times: fl
     assumed = replace(moving, exposure=times * moving.exposure)
     middles = (moving.exposure - assumed.exposure) / 2
     frames = [replace(frame, time=frame.time + middles) for frame in moving.recorded]
-    found = movement(frames, taken_by(assumed), Settings())
+    found = movement(frames, assumed.camera, Settings())
     assert {one.share for one in found.evidence} == {float(times == 1)}
-    results = list(multi_frame.restored(frames[:2], found.part(0, 2), taken_by(assumed), Settings(frames="alone", prior="tv")))
+    results = list(multi_frame.restored(frames[:2], found.part(0, 2), assumed.camera, Settings(frames="alone", prior="tv")))
     assert [result.verdict for result in results] == [verdict, verdict]
 
 
 def test_a_cut_ends_one_path_and_frames_without_a_neighbour_stand_alone() -> None:
     first, second = Moving(frames=3, reach=6.0), Moving(frames=3, reach=6.0, scene="coins")
     frames = first.recorded[:2] + [replace(f, time=(k + 2) / RATE, index=k + 2) for k, f in enumerate(second.recorded[:1])]
-    found = movement(frames, taken_by(first), Settings())
+    found = movement(frames, first.camera, Settings())
     assert [way is None for way in found.within] == [False, False, True]
     np.testing.assert_array_equal(found.steps[1:], 0)
     assert np.abs(found.steps[0]).max() > 1
-    alone = movement(frames[2:], taken_by(first), Settings())
+    alone = movement(frames[2:], first.camera, Settings())
     assert alone.within == [None]
     np.testing.assert_array_equal(alone.steps, np.zeros((1, 3)))
 
@@ -112,10 +108,10 @@ def test_each_frame_is_restored_with_its_own_exposure() -> None:
     path = [Polynomial(t0=0.0, t1=each.interval[1], coefficients=np.array([[0, 0, 0], [4.0, 0, 0]])) for each in shutters]
     steps = np.diff(middles, axis=0, append=middles[-1:])
     given = Movement(within=[*path], steps=steps, tied=[True, True, False], exposures=[0.01, 0.02, 0.03])
-    results = list(multi_frame.restored(moving.recorded, given, taken_by(moving), Settings(quality="draft")))
+    results = list(multi_frame.restored(moving.recorded, given, moving.camera, Settings(quality="draft")))
     assert [result.timing.exposure for result in results] == [0.01, 0.02, 0.03]
     assert [result.trajectory.t1 for result in results] == pytest.approx([0.03, 0.04, 0.05])
-    assert [camera.timing.exposure for camera in given.part(1, 3).cameras(taken_by(moving))] == [0.02, 0.03]
+    assert [camera.timing.exposure for camera in given.part(1, 3).cameras(moving.camera)] == [0.02, 0.03]
 
 
 def with_a_stranger() -> tuple[Moving, list[Frame], Movement]:
@@ -144,7 +140,7 @@ def in_focus(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("in_focus")
 def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.MonkeyPatch) -> None:
     moving, frames, found = with_a_stranger()
-    how = {"camera": taken_by(moving), "settings": Settings(prior="tv")}
+    how = {"camera": moving.camera, "settings": Settings(prior="tv")}
     checked = list(multi_frame.restored(frames, found, **how))[2].latent
     monkeypatch.setattr(multi_frame, "agreement", np.ones_like)
     unchecked = list(multi_frame.restored(frames, found, **how))[2].latent
@@ -159,7 +155,7 @@ def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.Monkey
 @pytest.mark.usefixtures("in_focus")
 def test_a_motion_that_was_given_is_followed_whatever_the_neighbours_show() -> None:
     moving, frames, found = with_a_stranger()
-    how = {"camera": taken_by(moving), "settings": Settings(prior="tv")}
+    how = {"camera": moving.camera, "settings": Settings(prior="tv")}
     found, given = (list(multi_frame.restored(frames, motion, **how))[2].latent for motion in (found, replace(found, evidence=[])))
     assert np.abs(np.diff(given[STRANGER], axis=1)).mean() > 1.2 * np.abs(np.diff(found[STRANGER], axis=1)).mean()
 
@@ -170,7 +166,7 @@ def test_a_frame_without_neighbours_is_restored_by_itself_as_far_as_it_is_truste
     monkeypatch: pytest.MonkeyPatch, reach: Literal["together", "alone"], blur: str
 ) -> None:
     moving, frames, found = with_a_stranger()
-    camera, one = taken_by(moving), found.part(2, 3)
+    camera, one = moving.camera, found.part(2, 3)
     monkeypatch.setattr(multi_frame, "too_long", lambda *_: blur == "long")
 
     def shown(trusted: float) -> np.ndarray:
@@ -190,7 +186,7 @@ def test_what_neither_the_frame_nor_a_neighbour_observed_is_only_straightened(mo
     clipped = frames[2].clipped.copy()
     clipped[30:60, 40:90] = True
     frames[2] = replace(frames[2], clipped=clipped)
-    camera, settings, hidden = taken_by(moving), Settings(prior="tv"), np.s_[40:50, 58:72]
+    camera, settings, hidden = moving.camera, Settings(prior="tv"), np.s_[40:50, 58:72]
 
     def shown(first: int, last: int) -> np.ndarray:
         return list(multi_frame.restored(frames[first:last], found.part(first, last), camera, settings))[2 - first].latent
