@@ -100,4 +100,4 @@ def _curve(trajectory: Trajectory | str | PathLike[str] | None, camera: RollingS
     if isinstance(trajectory, Trajectory):
         trajectory.check_covers(camera.timing.interval)
         return trajectory.curve
-    return given_motion.read(Path(trajectory), camera.timing, camera.intrinsics)
+    return given_motion.read(Path(trajectory), camera)

@@ -26,7 +26,7 @@ def of_pictures(path: Path, camera: Camera, frames: Sequence[tuple[int, float]])
     if settled := tracked(path):
         settled.check_timing(camera.timing)
         return _found(path, camera, frames)
-    within, steps = given_motion.of_clip(path, camera.timing, camera.intrinsics, frames)
+    within, steps = given_motion.of_clip(path, camera, frames)
     for curve in within:
         given_blur.check(path, curve, camera)
     return Movement(within=[*within], steps=np.array([step or [0.0] * 3 for step in steps]), tied=[step is not None for step in steps])

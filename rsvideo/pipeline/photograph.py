@@ -57,13 +57,13 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
 
 
 def _restored(task: Task, observe: Observer) -> FrameResult:
-    given = task.request.motion.trajectory
+    given, treatment = task.request.motion.trajectory, task.treatment
     trajectory = None
     if given is not None:
-        trajectory = given_motion.read(given, task.timing, task.camera.intrinsics)
-        given_blur.check(given, trajectory, task.treatment.camera)
+        trajectory = given_motion.read(given, treatment.camera)
+        given_blur.check(given, trajectory, treatment.camera)
     frame = Frame(pixels=task.still.pixels, clipped=task.still.clipped)
-    return methods.photograph(task.treatment, frame, trajectory, observe)
+    return methods.photograph(treatment, frame, trajectory, observe)
 
 
 def _encoded(task: Task, result: FrameResult) -> tuple[bytes, tuple[str, ...]]:

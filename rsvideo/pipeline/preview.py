@@ -121,7 +121,7 @@ def _resized(frame: Frame, task: Task) -> Frame:
 def _photograph(shown: Task, task: Task, observe: Observer) -> FrameResult:
     given, trajectory = task.request.motion.trajectory, None
     if given is not None:
-        trajectory = given_motion.read(given, task.timing, task.camera.intrinsics)
+        trajectory = given_motion.read(given, task.treatment.camera)
     frame = _resized(Frame(pixels=task.still.pixels, clipped=task.still.clipped), shown)
     return methods.photograph(shown.treatment, frame, trajectory, observe)
 

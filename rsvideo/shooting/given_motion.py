@@ -12,8 +12,7 @@ from scipy.interpolate import CubicSpline
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError, lines
 from rsvideo.config.yaml import shown
-from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Spline, Trajectory, centred, fit
 
 COLUMNS = ("t_s", "pitch_rad", "yaw_rad", "roll_rad")
@@ -27,14 +26,12 @@ _NEIGHBOURS = 4  # samples beyond the interval on either side that shape the cur
 _FIT_POINTS = 4  # for each term of the longest spline, at which all are compared with the samples; origin: by trial
 
 
-def read(path: Path, timing: ShutterTiming, intrinsics: Intrinsics) -> Trajectory:
+def read(path: Path, camera: Camera) -> Trajectory:
     """The motion of a photograph in a file, with its pose at the middle of the frame's interval as the origin."""
-    return of_clip(path, timing, intrinsics, [(0, 0.0)])[0][0]
+    return of_clip(path, camera, [(0, 0.0)])[0][0]
 
 
-def of_clip(
-    path: Path, timing: ShutterTiming, intrinsics: Intrinsics, frames: Sequence[tuple[int, float]]
-) -> tuple[list[Trajectory], list[list[float] | None]]:
+def of_clip(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> tuple[list[Trajectory], list[list[float] | None]]:
     """The motion within each of successive frames, given as (index, seconds at which it begins), and from each one's middle to the next's.
 
     The latter is None at a cut, and of the last.
@@ -45,15 +42,16 @@ def of_clip(
         within = [(np.array(held[index].trajectory.t_s), held[index].trajectory.poses()) for index, _ in frames]
         steps[:-1] = [held[index].to_next for index, _ in frames[:-1]]
     else:
+        timing, lens = camera.timing, camera.intrinsics
         t, turned = angles(path)
-        poses = turned[:, [1, 0, 2]] * np.array([intrinsics.fx, -intrinsics.fy, 1.0])
+        poses = turned[:, [1, 0, 2]] * np.array([lens.fx, -lens.fy, 1.0])
         t, poses = _near(t, poses, frames[0][1], frames[-1][1] + timing.interval[1])
         parts = [(begins, *_near(t, poses, begins, begins + timing.interval[1])) for _, begins in frames]
         within = [(near - begins, path_px) for begins, near, path_px in parts]
         if len(frames) > 1:
             at = CubicSpline(t, poses)(np.array([begins + timing.middle for _, begins in frames]))
             steps[:-1] = np.diff(at, axis=0).tolist()
-    return [_within(path, t, poses, timing, intrinsics) for t, poses in within], steps
+    return [_within(path, t, poses, camera) for t, poses in within], steps
 
 
 def of_frames(path: Path, indices: Sequence[int]) -> dict[int, sidecar.FrameRecord]:
@@ -73,11 +71,9 @@ def _near(
     return t[near], poses[near]
 
 
-def _within(
-    path: Path, t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"], timing: ShutterTiming, intrinsics: Intrinsics
-) -> Trajectory:
+def _within(path: Path, t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"], camera: Camera) -> Trajectory:
     """The motion within one frame, from samples at the frame's own times."""
-    start, end = timing.interval
+    start, end = camera.timing.interval
     slack = max(_LEAST_SLACK * (end - start), min(_SLACK * (end - start), float(np.median(np.diff(t)))))
     if t[0] > start + slack or t[-1] < end - slack:
         raise ValueError(
@@ -86,7 +82,7 @@ def _within(
         )
     if not poses[:, 2].any():
         poses = poses[:, :2]
-    return centred(_spline(t, poses, timing.interval, intrinsics, path), timing.middle)
+    return centred(_spline(path, t, poses, camera), camera.timing.middle)
 
 
 def angles(path: Path) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
@@ -122,18 +118,15 @@ def _numbers(path: Path, number: int, row: list[str], columns: list[int]) -> lis
     return values
 
 
-def _spline(
-    t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"], interval: tuple[float, float], intrinsics: Intrinsics, path: Path
-) -> Trajectory:
+def _spline(path: Path, t: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n axes"], camera: Camera) -> Trajectory:
     """The spline of fewest terms that stays within the tolerance of a smooth curve through the samples."""
+    interval, lens = camera.timing.interval, camera.intrinsics
     first, last = np.searchsorted(t, interval)
     near = slice(max(first - _NEIGHBOURS, 0), last + _NEIGHBOURS)
     t, poses = t[near], poses[near]
     dense = np.linspace(*interval, _FIT_POINTS * _TERMS[-1] + 1)
     path_px = CubicSpline(t, poses)(dense)
-    reach = np.array([1.0, 1.0, 0.5 * np.hypot(intrinsics.rows, intrinsics.cols)])[
-        : poses.shape[1]
-    ]  # px a unit of each axis moves a corner
+    reach = np.array([1.0, 1.0, 0.5 * np.hypot(lens.rows, lens.cols)])[: poses.shape[1]]  # px a unit of each axis moves a corner
     for terms in _TERMS:
         spline = fit(Spline(t0=interval[0], t1=interval[1], coefficients=np.zeros((terms, poses.shape[1]))), dense, path_px)
         if np.abs((spline.at(dense) - path_px) * reach).max() < _TOLERANCE:

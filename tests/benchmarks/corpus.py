@@ -167,8 +167,9 @@ def opened(case: Path) -> Still:
     truth = encode(Transfer.SRGB, rsvideo.read(case / "truth.png").pixels)
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])
     lens = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
-    view = to_scanlines(Frame(pixels=picture.pixels, clipped=picture.clipped), Camera(timing=timing, intrinsics=lens))
-    return Still(facts=facts, view=view, motion=given_motion.read(case / "motion.csv", timing, lens), truth=truth)
+    camera = Camera(timing=timing, intrinsics=lens)
+    view = to_scanlines(Frame(pixels=picture.pixels, clipped=picture.clipped), camera)
+    return Still(facts=facts, view=view, motion=given_motion.read(case / "motion.csv", camera), truth=truth)
 
 
 def restored(case: Path) -> dict:

@@ -45,7 +45,7 @@ def gains(case: Path) -> tuple[int, float, float, float]:
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])
     lens = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
     camera = Camera(timing=timing, intrinsics=lens)
-    path = given_motion.read(case / "motion.csv", timing, lens)
+    path = given_motion.read(case / "motion.csv", camera)
     settings = Settings(prior="tv", mu_final=MU)
     unclipped = np.zeros((*frame.shape, 1), bool)
     tiles = nonblind.tiled(frame[..., None], unclipped, path, camera, samples=settings.samples, tolerance=settings.tolerance)

@@ -9,7 +9,7 @@ import pytest
 
 from rsvideo.config import sidecar
 from rsvideo.config.files import UnreadableError, write_whole
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
@@ -17,7 +17,7 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.shooting import given_motion
 
-CAMERA = Intrinsics.centred(focal=1000, rows=400, cols=600)
+LENS = Intrinsics.centred(focal=1000, rows=400, cols=600)
 TIMING = ShutterTiming.from_readout(exposure=0.03, readout=0.02, rows=400)
 COEFFICIENTS = np.array([[0, 0, 0], [3, -1, 0.002], [1, 2, 0], [0.5, 0, 0.001]])
 CURVE = centred(Polynomial(t0=0, t1=0.05, coefficients=COEFFICIENTS), TIMING.middle)
@@ -29,7 +29,7 @@ def example() -> sidecar.Sidecar:
         input="in.png",
         settings=sidecar.Settings(
             rsvideo="0",
-            camera=sidecar.Camera.of(CAMERA, "explicit"),
+            camera=sidecar.Camera.of(LENS, "explicit"),
             direction=Direction.TOP_TO_BOTTOM,
             transfer=Transfer.SRGB,
             trajectory_from=None,
@@ -143,7 +143,7 @@ def test_a_sidecar_given_as_motion_is_the_motion_it_records(tmp_path: Path) -> N
     path = tmp_path / "out.rsvideo.json"
     path.write_bytes(example().encode())
     t = np.linspace(0, 0.05, 777)
-    difference = np.abs(given_motion.read(path, TIMING, CAMERA).at(t) - CURVE.at(t))
+    difference = np.abs(given_motion.read(path, Camera(timing=TIMING, intrinsics=LENS)).at(t) - CURVE.at(t))
     assert difference[:, :2].max() < 0.02
     assert difference[:, 2].max() * 360 < 0.02
 
@@ -151,17 +151,17 @@ def test_a_sidecar_given_as_motion_is_the_motion_it_records(tmp_path: Path) -> N
 def test_timing_and_camera_come_back_as_the_nouns() -> None:
     record = example()
     assert record.timing(record.frames[0]) == TIMING
-    assert record.settings.camera.intrinsics == CAMERA
+    assert record.settings.camera.intrinsics == LENS
 
 
 def test_a_lens_and_its_sensors_noise_come_back_and_are_left_out_where_there_are_none(tmp_path: Path) -> None:
     lens = Distortion(model="brown-conrady", coefficients=(-0.1, 0.02, 0.001, 0.0, 0.0))
-    camera = sidecar.Camera.of(replace(CAMERA, distortion=lens), "mine", Noise(read=0.002, shot=1e-4))
+    camera = sidecar.Camera.of(replace(LENS, distortion=lens), "mine", Noise(read=0.002, shot=1e-4))
     record = example()
     record = record.model_copy(update={"settings": record.settings.model_copy(update={"camera": camera})})
     (tmp_path / "out.json").write_bytes(record.encode())
     found = sidecar.read(tmp_path / "out.json").settings.camera
-    assert found.intrinsics == replace(CAMERA, distortion=lens)
+    assert found.intrinsics == replace(LENS, distortion=lens)
     assert found.sensor_noise == Noise(read=0.002, shot=1e-4)
     plain = json.loads(example().encode())["settings"]["camera"]
     assert list(plain) == ["fx", "fy", "cx", "cy", "rows", "cols", "source"]
