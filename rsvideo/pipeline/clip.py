@@ -30,7 +30,7 @@ from rsvideo.video.writer import Writer
 def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | None = None) -> Finished:
     """Encode the restored frames as the original was, in a folder of its own within `folder`; then the gyroscope's log and the sidecar."""
     assert task.encoding is not None
-    stream, camera = task.stream, task.camera.intrinsics
+    stream, camera = task.stream, task.treatment.camera
     kept, steps, verdicts, seconds = _gist(frame_records(records, folder))
     left_out = [index for record in records for index in record.left_out]
     check_cover([*kept, *left_out], task.first, task.last, task.request.source)
@@ -41,7 +41,7 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
         raise UnreadableError(f"{task.request.source} holds no picture that could be decoded as it was meant")
     enlargement = 1.0
     if task.request.motion.path == "smooth":
-        turns, enlargement = stabilisation.corrections(steps, float(stream.rate), camera)
+        turns, enlargement = stabilisation.corrections(steps, float(stream.rate), camera.intrinsics)
         pictures = (_turned(task, p, turn, enlargement) for p, turn in zip(pictures, turns, strict=True))
     if task.request.encoding.side_by_side:
         stream, pictures = side_by_side(task, pictures)
@@ -54,7 +54,7 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
         for picture in pictures:
             writer.write(picture)
     made = [writer.made]
-    parts = motion_log.parts(frame_records(records, folder), float(stream.rate), task.timing, camera)
+    parts = motion_log.parts(frame_records(records, folder), float(stream.rate), camera)
     if task.request.deblur.method is not Method.NONE and (first := next(parts, None)):
         log = gcsv.encoded(chain([first], parts), timing=task.timing, video=task.request.output.name, model="rsvideo")
         made.append(made_within(within, task.request.log, log))

@@ -9,7 +9,7 @@ import numpy as np
 from rsvideo.baselines import gyro
 from rsvideo.config.request import Motion
 from rsvideo.frame import Frame
-from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.gyro import GyroLog
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory
@@ -63,15 +63,13 @@ def read(stated: Motion, source: Path, timing: ShutterTiming) -> ClipLog:
         raise ValueError(f"--gyro must name a log, {source} holds none that can be read: {error}") from error
 
 
-def placed(
-    stated: Motion, found: ClipLog, frames: Iterable[Frame], timing: ShutterTiming, intrinsics: Intrinsics, settings: Settings
-) -> Gyro:
+def placed(stated: Motion, found: ClipLog, frames: Iterable[Frame], camera: Camera, settings: Settings) -> Gyro:
     """The log laid along a clip; what neither the request nor the file states is found from the first LOOKED_AT of its `frames`."""
     offset = found.offset if stated.gyro_offset is None else stated.gyro_offset
     axes = stated.gyro_axes or ("XYZ" if found.offset is not None else None)
     if offset is not None and axes is not None:
         return Gyro(log=found.log, offset=offset, axes=axes, note=f"gyroscope: offset {offset:.4g} s, axes {axes}")
-    run = clip_motion.gather(frames, Camera(timing=timing, intrinsics=intrinsics), settings, blur=False)
+    run = clip_motion.gather(frames, camera, settings, blur=False)
     at = gyro.aligned(found.log, run, offset=offset, axes=axes)
     note = (
         f"gyroscope: offset {at.offset:.4f} +- {at.spread:.4f} s, axes {at.axes}, by how the picture moves"

@@ -139,8 +139,8 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
     first, last, encoding, written = _frames_and_encoding(request, opened)
     request, opened = _measured(request, opened, first, last)
     shutter, camera, lens_notes = taken_by(request, opened)
-    settings = settings_of(request.motion, request.deblur)
-    gyro = _gyro(request, opened, (first, last), shutter.timing, camera.intrinsics, settings)
+    wanted = treatment(request, shutter, camera)
+    gyro = _gyro(request, opened, (first, last), wanted.camera, wanted.settings)
     if gyro:  # which need not be looked for again
         request = request.replaced(motion={"gyro_offset": gyro.offset, "gyro_axes": gyro.axes})
     return Task(
@@ -148,7 +148,7 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
         source=opened.source,
         shutter=shutter,
         camera=camera,
-        settings=settings,
+        settings=wanted.settings,
         gyro=gyro,
         encoding=encoding,
         first=first,
@@ -336,9 +336,7 @@ def _camera_of(request: Request, take: Take) -> tuple[sidecar.Camera, tuple[str,
     return sidecar.Camera.of(Intrinsics.centred(focal=focal, rows=rows, cols=cols), source, noise), notes
 
 
-def _gyro(
-    request: Request, opened: Opened, frames: tuple[int, int], timing: ShutterTiming, camera: Intrinsics, settings: Settings
-) -> Gyro | None:
+def _gyro(request: Request, opened: Opened, frames: tuple[int, int], camera: physics.Camera, settings: Settings) -> Gyro | None:
     """The gyroscope's log that the method follows, laid along the frames [first, last)."""
     motion = request.motion
     if not request.deblur.method.follows_gyro or motion.trajectory is not None:
@@ -346,12 +344,12 @@ def _gyro(
     if isinstance(opened.source, Still):
         if motion.gyro is None:
             raise ValueError(f"the method {request.deblur.method} needs a gyroscope's log of a photograph; give --gyro")
-        return gyro_alignment.of_photograph(motion, request.source, timing)
+        return gyro_alignment.of_photograph(motion, request.source, camera.timing)
     from rsvideo.pipeline import clip_frames
 
     stream, (first, last) = opened.source, frames
-    found = gyro_alignment.read(motion, request.source, timing)
+    found = gyro_alignment.read(motion, request.source, camera.timing)
     shown = clip_frames.decoded(stream, first, min(last, first + gyro_alignment.LOOKED_AT), on_damage=request.input.on_damage)
-    placed = gyro_alignment.placed(motion, found, shown, timing, camera, settings)
-    placed.check_cover((stream.times[first:last] - stream.times[0]) * float(stream.time_base), timing)
+    placed = gyro_alignment.placed(motion, found, shown, camera, settings)
+    placed.check_cover((stream.times[first:last] - stream.times[0]) * float(stream.time_base), camera.timing)
     return placed

@@ -28,7 +28,7 @@ def treatment(method: Method, log: Path | None = None) -> Treatment:
     clip, settings, gyro = moving(), Settings(), None
     if log is not None:
         stated = Motion(gyro=clip.motion(log))
-        gyro = gyro_alignment.placed(stated, gyro_alignment.read(stated, log, clip.timing), clip.recorded, clip.timing, clip.lens, settings)
+        gyro = gyro_alignment.placed(stated, gyro_alignment.read(stated, log, clip.timing), clip.recorded, clip.camera, settings)
     return Treatment(
         method=method,
         settings=settings,

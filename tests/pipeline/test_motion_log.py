@@ -1,11 +1,13 @@
 """The log of a clip: joined a few frames at a time, it is the log of the whole."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rsvideo.config.sidecar import FrameRecord, Sampled, Timing
+from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import motion_log
 from rsvideo.restoration.movement import joined
@@ -44,13 +46,18 @@ def at_rest(frames: int, rate: float, timing: ShutterTiming) -> Iterator[FrameRe
         yield FrameRecord(index=k, time_s=k / rate, timing=shutter, trajectory=way, to_next=[0.0] * 3, verdict="restored", seconds=1.0)
 
 
+def quick(rate: float) -> Camera:
+    """A camera whose readout and exposure fit frames at that rate."""
+    return replace(CLIP.camera, timing=ShutterTiming.from_readout(exposure=0.2 / rate, readout=0.5 / rate, rows=96))
+
+
 def test_parts_are_pieces_of_the_whole_path_and_cover_it() -> None:
     frames = records(60)
     steps = np.array([frame.to_next or [0.0] * 3 for frame in frames])
     within = [(np.array(frame.trajectory.t_s), frame.trajectory.poses()) for frame in frames]
     t, poses = joined(np.array([frame.time_s for frame in frames]), within, steps, CLIP.timing)
     angles = np.stack([-poses[:, 1] / CLIP.lens.fy, poses[:, 0] / CLIP.lens.fx, poses[:, 2]], axis=1)
-    begun, parts = 0.0, list(motion_log.parts(iter(frames), 24.0, CLIP.timing, CLIP.lens))
+    begun, parts = 0.0, list(motion_log.parts(iter(frames), 24.0, CLIP.camera))
     assert len(parts) > 2
     for part in parts:
         assert part.t_s[0] <= begun < part.until <= part.t_s[-1] + 1e-9
@@ -63,13 +70,13 @@ def test_parts_are_pieces_of_the_whole_path_and_cover_it() -> None:
 
 @pytest.mark.parametrize(("frames", "rate"), [(1, 24), (3, 1000), (3, 100_000)])
 def test_one_frame_and_a_few_milliseconds_make_no_log(frames: int, rate: int) -> None:
-    shutter = ShutterTiming.from_readout(exposure=0.2 / rate, readout=0.5 / rate, rows=96)
-    assert list(motion_log.parts(at_rest(frames, rate, shutter), rate, shutter, CLIP.lens)) == []
+    camera = quick(rate)
+    assert list(motion_log.parts(at_rest(frames, rate, camera.timing), rate, camera)) == []
 
 
 @pytest.mark.parametrize("rate", [0.5, 1000, 20_000])
 def test_any_rate_makes_a_log_of_the_whole_clip(rate: float) -> None:
-    shutter, frames = ShutterTiming.from_readout(exposure=0.2 / rate, readout=0.5 / rate, rows=96), max(30, round(rate / 5))
-    parts = list(motion_log.parts(at_rest(frames, rate, shutter), rate, shutter, CLIP.lens))
+    camera, frames = quick(rate), max(30, round(rate / 5))
+    parts = list(motion_log.parts(at_rest(frames, rate, camera.timing), rate, camera))
     assert parts[-1].until == pytest.approx((frames - 0.5) / rate, abs=2e-3 + 0.3 / rate)
-    assert len(b"".join(gcsv.encoded(parts, timing=shutter)).splitlines()) > 1000 * (parts[-1].until - shutter.middle)
+    assert len(b"".join(gcsv.encoded(parts, timing=camera.timing)).splitlines()) > 1000 * (parts[-1].until - camera.timing.middle)
