@@ -20,7 +20,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from rsvideo.physics import gyro, tone
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import ShutterTiming
@@ -85,18 +85,18 @@ def photograph(name: str, words: str) -> None:
 def clip(folder: Path) -> None:
     """Write the folder of the clip: one path through all its frames over one scene; frame k begins at k / RATE."""
     scene = still.read(PHOTOGRAPHS / "coffee.png").pixels
-    camera = Intrinsics.centred(focal=FOCAL, rows=ROWS, cols=COLS)
     timing = ShutterTiming.from_readout(exposure=EXPOSURE, readout=READOUT, rows=ROWS)
+    camera = Camera(timing=timing, intrinsics=Intrinsics.centred(focal=FOCAL, rows=ROWS, cols=COLS))
     begins = np.arange(FRAMES) / RATE
     angles = shake(np.random.default_rng(SEED), float(begins[-1]) + timing.interval[1], 1 / MOTION_STEP, rms=SHAKE)
     angles -= angles.mean(axis=0)
     times = np.arange(len(angles)) * MOTION_STEP
-    path = gyro.spline_through(gyro.poses_from_angles(angles, camera=camera), duration=float(times[-1]), spacing=0.0025)
+    path = gyro.spline_through(gyro.poses_from_angles(angles, camera=camera.intrinsics), duration=float(times[-1]), spacing=0.0025)
     assert isinstance(path, Spline)
 
     ways = [replace(path, t0=path.t0 - begin, t1=path.t1 - begin) for begin in begins]
     rng = np.random.default_rng([SEED, 1])  # not the hand's numbers
-    frames = [render(scene, camera=camera, timing=timing, trajectory=way, noise=Noise.at_half(NOISE), rng=rng) for way in ways]
+    frames = [render(scene, camera=camera, trajectory=way, noise=Noise.at_half(NOISE), rng=rng) for way in ways]
 
     folder.mkdir(exist_ok=True)
     encode(folder / "blurred.mp4", (frame.blurred for frame in frames), sound=True)
@@ -117,7 +117,7 @@ def clip(folder: Path) -> None:
         "roll": True,
         "transfer": "bt709",
         "noise_sigma_linear": NOISE,
-        "blur_extent_px": [round(extent(camera=camera, timing=timing, trajectory=way), 1) for way in ways],
+        "blur_extent_px": [round(extent(camera=camera, trajectory=way), 1) for way in ways],
     }
     (folder / "case.json").write_text(json.dumps(case, indent=1) + "\n")
 

@@ -11,6 +11,7 @@ from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
 from rsvideo.config import simulation
 from rsvideo.physics import staging
+from rsvideo.physics.camera import Camera as RollingShutterCamera
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import RENDERED, ShutterTiming
 from rsvideo.physics.staging import Motion
@@ -95,8 +96,8 @@ def simulate(
         blurred=light.like_source(rendering.blurred),
         truth=light.like_source(rendering.truth),
         trajectory=Trajectory(curve=staged.trajectory),
-        timing=staged.timing,
-        camera=staged.camera,
+        timing=staged.camera.timing,
+        camera=staged.camera.intrinsics,
         blur_px=staged.blur,
     )
 
@@ -125,8 +126,8 @@ def _motion(motion: Mapping[str, Sequence[float]] | Trajectory | None, seed: int
     if isinstance(motion, Mapping):
         return staging.polynomial(motion)
 
-    def given(_: Intrinsics, timing: ShutterTiming):
-        motion.check_covers(timing.interval)
+    def given(camera: RollingShutterCamera):
+        motion.check_covers(camera.timing.interval)
         return motion.curve
 
     return given

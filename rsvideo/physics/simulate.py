@@ -14,11 +14,11 @@ from jaxtyping import Float, Float32
 from scipy.spatial.transform import Rotation
 
 from rsvideo.physics.bent import bent, packed
-from rsvideo.physics.camera import LEAST_DEPTH, Intrinsics, pinhole_from_px, px_from_pinhole
+from rsvideo.physics.camera import LEAST_DEPTH, Camera, Intrinsics, pinhole_from_px, px_from_pinhole
 from rsvideo.physics.gyro import angles_from_poses
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.resampling import add_sample
-from rsvideo.physics.shutter import RENDERED, ShutterTiming
+from rsvideo.physics.shutter import RENDERED
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.threads import loop, spread
@@ -42,8 +42,7 @@ class Rendering:
 def render(
     scene: Float[np.ndarray, "scene_rows scene_cols channels"],
     *,
-    camera: Intrinsics,
-    timing: ShutterTiming,
+    camera: Camera,
     trajectory: Trajectory,
     noise: Noise,
     rng: np.random.Generator,
@@ -55,17 +54,16 @@ def render(
 
     Poses are those of the image in every direction of readout. Light above white / gain clips, in the truth too.
     """
-    blurred = gain * blur(scene, camera=camera, timing=timing, trajectory=trajectory, samples=samples, observe=observe)
+    blurred = gain * blur(scene, camera=camera, trajectory=trajectory, samples=samples, observe=observe)
     blurred = noise.added_to(blurred, rng)
-    truth = gain * still(scene, camera=camera, pose=trajectory.at(np.array([timing.middle]))[0])
+    truth = gain * still(scene, intrinsics=camera.intrinsics, pose=trajectory.at(np.array([camera.timing.middle]))[0])
     return Rendering(blurred=np.clip(blurred, 0, 1).astype(np.float32), truth=np.clip(truth, 0, 1).astype(np.float32))
 
 
 def blur(
     scene: Float[np.ndarray, "scene_rows scene_cols channels"],
     *,
-    camera: Intrinsics,
-    timing: ShutterTiming,
+    camera: Camera,
     trajectory: Trajectory,
     samples: int = RENDERED,
     observe: Observer = ignore,
@@ -73,50 +71,53 @@ def blur(
     """The noiseless, unclipped light of each pixel: the mean over its scanline's exposure (Eq. 3), in float64."""
     if samples < 1:
         raise ValueError(f"a scanline needs at least 1 time sample, got {samples}")
-    x, y = (timing.direction.scanlines(part) for part in _pixels(camera))
+    timing, intrinsics = camera.timing, camera.intrinsics
+    x, y = (timing.direction.scanlines(part) for part in _pixels(intrinsics))
     if timing.rows != len(x):
         raise ValueError(f"the shutter reads {timing.rows} scanlines, the frame has {len(x)} {timing.direction.value}")
     times = timing.sample_times(samples)
     poses = trajectory.at(times.ravel())
-    maps = homographies(poses, camera=camera).reshape(*times.shape, 3, 3)
-    return timing.direction.image(_sampled_through(scene, x, y, maps, camera=camera, observe=observe))
+    maps = homographies(poses, intrinsics=intrinsics).reshape(*times.shape, 3, 3)
+    return timing.direction.image(_sampled_through(scene, x, y, maps, intrinsics=intrinsics, observe=observe))
 
 
 def still(
-    scene: Float[np.ndarray, "scene_rows scene_cols channels"], *, camera: Intrinsics, pose: Float[np.ndarray, " axes"]
+    scene: Float[np.ndarray, "scene_rows scene_cols channels"], *, intrinsics: Intrinsics, pose: Float[np.ndarray, " axes"]
 ) -> Float[np.ndarray, "rows cols channels"]:
     """The sharp frame at one pose."""
-    x, y = _pixels(camera)
-    maps = np.broadcast_to(homographies(pose[None], camera=camera), (len(x), 1, 3, 3))
-    return _sampled_through(scene, x, y, maps, camera=camera, observe=ignore)
+    x, y = _pixels(intrinsics)
+    maps = np.broadcast_to(homographies(pose[None], intrinsics=intrinsics), (len(x), 1, 3, 3))
+    return _sampled_through(scene, x, y, maps, intrinsics=intrinsics, observe=ignore)
 
 
-def homographies(poses: Float[np.ndarray, "n axes"], *, camera: Intrinsics) -> Float[np.ndarray, "n 3 3"]:
+def homographies(poses: Float[np.ndarray, "n axes"], *, intrinsics: Intrinsics) -> Float[np.ndarray, "n 3 3"]:
     """C R C^-1 of each pose: takes a pixel of the camera at that time to the pixel of the latent image that it sees, without distortion."""
-    R = Rotation.from_rotvec(angles_from_poses(poses, camera=camera)).as_matrix()
-    C = camera.matrix
+    R = Rotation.from_rotvec(angles_from_poses(poses, camera=intrinsics)).as_matrix()
+    C = intrinsics.matrix
     return C @ R @ np.linalg.inv(C)
 
 
-def margin(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> tuple[int, int]:
+def margin(*, camera: Camera, trajectory: Trajectory) -> tuple[int, int]:
     """Rows and columns of scene needed beyond each edge of the frame, so that no sample falls outside the scene."""
-    poses = trajectory.at(np.linspace(*timing.interval, _INSTANTS))
-    xs, ys = np.array([0.0, camera.cx, camera.cols - 1]), np.array([0.0, camera.cy, camera.rows - 1])
+    lens = camera.intrinsics
+    poses = trajectory.at(np.linspace(*camera.timing.interval, _INSTANTS))
+    xs, ys = np.array([0.0, lens.cx, lens.cols - 1]), np.array([0.0, lens.cy, lens.rows - 1])
     x, y = (part.ravel() for part in np.meshgrid(xs, ys))
-    mapped = homographies(poses, camera=camera) @ np.stack([*pinhole_from_px(camera, x, y).T, np.ones(9)])
+    mapped = homographies(poses, intrinsics=lens) @ np.stack([*pinhole_from_px(lens, x, y).T, np.ones(9)])
     if not (mapped[:, 2] > LEAST_DEPTH).all():
         raise ValueError("the motion turns the camera by almost a right angle; is the focal length too short?")
-    shown = px_from_pinhole(camera, mapped[:, 0] / mapped[:, 2], mapped[:, 1] / mapped[:, 2])
+    shown = px_from_pinhole(lens, mapped[:, 0] / mapped[:, 2], mapped[:, 1] / mapped[:, 2])
     move = np.abs(shown - np.stack([x, y], axis=-1)).max(axis=(0, 1))
     return math.ceil(move[1]) + _TAPS, math.ceil(move[0]) + _TAPS
 
 
-def extent(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> float:
+def extent(*, camera: Camera, trajectory: Trajectory) -> float:
     """Pixels from end to end of the longest PSF, over all scanlines and the frame's centre and corners, to first order, undistorted."""
+    timing, lens = camera.timing, camera.intrinsics
     times = timing.row_start()[:, None] + np.linspace(0, timing.exposure, _EXPOSURE_INSTANTS)
     poses = trajectory.at(times.ravel()).reshape(timing.rows, _EXPOSURE_INSTANTS, -1)
-    x = np.array([camera.cx, 0, 0, camera.cols - 1, camera.cols - 1]) - camera.cx
-    y = np.array([camera.cy, 0, camera.rows - 1, 0, camera.rows - 1]) - camera.cy
+    x = np.array([lens.cx, 0, 0, lens.cols - 1, lens.cols - 1]) - lens.cx
+    y = np.array([lens.cy, 0, lens.rows - 1, 0, lens.rows - 1]) - lens.cy
     roll = poses[..., 2:] if poses.shape[-1] == 3 else np.zeros((*poses.shape[:2], 1))
     path = (poses[..., :1] - roll * y) + 1j * (poses[..., 1:2] + roll * x)
     longest = 0.0
@@ -125,20 +126,20 @@ def extent(*, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory)
     return longest
 
 
-def scaled_to(pixels: float, *, camera: Intrinsics, timing: ShutterTiming, trajectory: Trajectory) -> Trajectory:
+def scaled_to(pixels: float, *, camera: Camera, trajectory: Trajectory) -> Trajectory:
     """The same motion, larger or smaller, so that its longest PSF spans `pixels`; its middle is the origin."""
     if not (math.isfinite(pixels) and pixels >= 0):
         raise ValueError(f"blur must be at least 0 px, got {pixels:g} px")
-    longest = extent(camera=camera, timing=timing, trajectory=trajectory)
+    longest = extent(camera=camera, trajectory=trajectory)
     if longest < STILL:
         raise ValueError(f"a motion of {longest:.2g} px cannot be scaled to {pixels:g} px; does it move at all?")
-    middle = trajectory.at(np.array([timing.middle]))[0]
+    middle = trajectory.at(np.array([camera.timing.middle]))[0]
     gauge = trajectory.shifted(-middle)
     return gauge.with_coefficients(gauge.coefficients * (pixels / longest))
 
 
-def _pixels(camera: Intrinsics) -> tuple[Float[np.ndarray, "rows cols"], Float[np.ndarray, "rows cols"]]:
-    x, y = np.meshgrid(np.arange(camera.cols, dtype=float), np.arange(camera.rows, dtype=float))
+def _pixels(intrinsics: Intrinsics) -> tuple[Float[np.ndarray, "rows cols"], Float[np.ndarray, "rows cols"]]:
+    x, y = np.meshgrid(np.arange(intrinsics.cols, dtype=float), np.arange(intrinsics.rows, dtype=float))
     return x, y
 
 
@@ -148,17 +149,17 @@ def _sampled_through(
     y: Float[np.ndarray, "lines along"],
     maps: Float[np.ndarray, "lines samples 3 3"],
     *,
-    camera: Intrinsics,
+    intrinsics: Intrinsics,
     observe: Observer,
 ) -> Float[np.ndarray, "lines along channels"]:
     """The mean over `maps` of a line of the scene at the mapped positions of the line's pixels; the frame is the scene's middle."""
     rows, cols = scene.shape[:2]
-    if rows < camera.rows or cols < camera.cols:
-        raise ValueError(f"the scene must be at least as large as the frame ({camera.rows} x {camera.cols}), got {rows} x {cols}")
-    top, left = float((rows - camera.rows) // 2), float((cols - camera.cols) // 2)
-    ideal = pinhole_from_px(camera, x, y)
+    if rows < intrinsics.rows or cols < intrinsics.cols:
+        raise ValueError(f"the scene must be at least as large as the frame ({intrinsics.rows} x {intrinsics.cols}), got {rows} x {cols}")
+    top, left = float((rows - intrinsics.rows) // 2), float((cols - intrinsics.cols) // 2)
+    ideal = pinhole_from_px(intrinsics, x, y)
     scene, x, y, maps = (np.ascontiguousarray(part) for part in (scene, ideal[..., 0], ideal[..., 1], maps))
-    lens, bands = packed(camera), []
+    lens, bands = packed(intrinsics), []
     for start in range(0, len(x), BAND):
         band = slice(start, start + BAND)
         mean = np.empty((*x[band].shape, scene.shape[2]))

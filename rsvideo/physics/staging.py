@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsvideo.physics import gyro
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.gyro import GyroLog
 from rsvideo.physics.shake import STEADY, shake
 from rsvideo.physics.shutter import Direction, ShutterTiming
@@ -22,36 +22,35 @@ _KNOT, _FEWEST_KNOTS = 0.0025, 8  # s between a hand's knots, 400 Hz where its s
 _FIT_POINTS = 401  # of a frame's interval, at which a stated polynomial is fitted; more than its terms, so that the fit is exact
 AXES = ("x", "y", "roll")
 
-Motion = Callable[[Intrinsics, ShutterTiming], Trajectory]  # how a frame of this camera and timing is moved
+Motion = Callable[[Camera], Trajectory]  # how a frame of this camera is moved
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stage:
     """A frame in the middle of a photograph, and its motion; the pose at the middle of its interval is the origin."""
 
-    camera: Intrinsics
-    timing: ShutterTiming
+    camera: Camera
     trajectory: Trajectory
 
     @property
     def blur(self) -> float:
         """Px from end to end of the longest streak of any row."""
-        return extent(camera=self.camera, timing=self.timing, trajectory=self.trajectory)
+        return extent(camera=self.camera, trajectory=self.trajectory)
 
 
 def of_log(log: GyroLog, *, start: float) -> Motion:
     """The motion of a frame that opens `start` seconds into a log."""
-    return lambda camera, timing: gyro.path(log, camera=camera, start=start, duration=timing.interval[1])
+    return lambda camera: gyro.path(log, camera=camera.intrinsics, start=start, duration=camera.timing.interval[1])
 
 
 def hand(seed: int, *, rms: float = STEADY) -> Motion:
     """A random hand-shake; see `shake`."""
 
-    def motion(camera: Intrinsics, timing: ShutterTiming) -> Trajectory:
-        duration = timing.interval[1]
+    def motion(camera: Camera) -> Trajectory:
+        duration = camera.timing.interval[1]
         rate = min(max(_FEWEST_SAMPLES / duration, _SLOWEST), _FASTEST)
         angles = shake(np.random.default_rng(seed), duration, rate, rms=rms)
-        poses = gyro.poses_from_angles(angles, camera=camera)
+        poses = gyro.poses_from_angles(angles, camera=camera.intrinsics)
         return gyro.spline_through(poses, duration=(len(poses) - 1) / rate, spacing=min(_KNOT, duration / _FEWEST_KNOTS))
 
     return motion
@@ -65,12 +64,12 @@ def polynomial(terms: Mapping[str, Sequence[float]]) -> Motion:
         if not 1 <= len(coefficients) <= MOST_TERMS or not all(math.isfinite(c) for c in coefficients):
             raise ValueError(f"{axis} of a polynomial must have 1 to {MOST_TERMS} finite coefficients, got {list(coefficients)}")
 
-    def motion(camera: Intrinsics, timing: ShutterTiming) -> Trajectory:
-        del camera
+    def motion(camera: Camera) -> Trajectory:
+        interval = camera.timing.interval
         degree = max((len(coefficients) for coefficients in terms.values()), default=1) - 1
         u = np.linspace(0, 1, _FIT_POINTS)
         poses = np.stack([np.polynomial.polynomial.polyval(u, np.array([*terms.get(axis, ()), 0.0])) for axis in AXES], axis=1)
-        return fit(still(timing.interval, degree=degree, axes=3), u * timing.interval[1], poses)
+        return fit(still(interval, degree=degree, axes=3), u * interval[1], poses)
 
     return motion
 
@@ -111,14 +110,15 @@ def stage(
                 f"the scene, {scene_cols} x {scene_rows} px, must be larger than the motion's reach by a frame of {SMALLEST} px;"
                 " is the motion too large, or the focal length not in pixels?"
             )
-        camera = lens.scaled(rows, cols) if lens else Intrinsics.centred(focal=focal or 0.0, rows=rows, cols=cols)
+        intrinsics = lens.scaled(rows, cols) if lens else Intrinsics.centred(focal=focal or 0.0, rows=rows, cols=cols)
         lines = cols if direction in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT) else rows
         per_line = row_time if row_time is not None else (readout or 0.0) / lines
         timing = ShutterTiming(exposure=exposure, row_time=per_line, rows=lines, direction=direction)
-        curve = _moved(motion, camera, timing, roll=roll, blur=blur)
-        above, beside = margin(camera=camera, timing=timing, trajectory=curve)
+        camera = Camera(timing=timing, intrinsics=intrinsics)
+        curve = _moved(motion, camera, roll=roll, blur=blur)
+        above, beside = margin(camera=camera, trajectory=curve)
         if rows + 2 * above <= scene_rows and cols + 2 * beside <= scene_cols:
-            return Stage(camera=camera, timing=timing, trajectory=curve)
+            return Stage(camera=camera, trajectory=curve)
         if frame:
             raise ValueError(
                 f"the scene must hold the frame of {cols} x {rows} px and what the motion shows beyond it,"
@@ -127,8 +127,8 @@ def stage(
         rows, cols = min(rows, scene_rows - 2 * above), min(cols, scene_cols - 2 * beside)
 
 
-def _moved(motion: Motion, camera: Intrinsics, timing: ShutterTiming, *, roll: bool, blur: float | None) -> Trajectory:
-    curve = centred(motion(camera, timing), timing.middle)
+def _moved(motion: Motion, camera: Camera, *, roll: bool, blur: float | None) -> Trajectory:
+    curve = centred(motion(camera), camera.timing.middle)
     if not roll and curve.coefficients.shape[1] == 3:
         curve = curve.with_coefficients(curve.coefficients * [1, 1, 0])
-    return curve if blur is None else scaled_to(blur, camera=camera, timing=timing, trajectory=curve)
+    return curve if blur is None else scaled_to(blur, camera=camera, trajectory=curve)

@@ -16,9 +16,9 @@ _FEWEST = 81  # samples
 
 def motion_csv(staged: Stage) -> bytes:
     """Angles in rad over the frame's whole interval; time 0 opens the scanline that is read first."""
-    start, end = staged.timing.interval
+    start, end = staged.camera.timing.interval
     times = np.linspace(start, end, max(_FEWEST, round((end - start) / _STEP) + 1))
-    angles = angles_from_poses(staged.trajectory.at(times), camera=staged.camera)
+    angles = angles_from_poses(staged.trajectory.at(times), camera=staged.camera.intrinsics)
     rows = np.concatenate([times[:, None], angles], axis=1)
     return "".join([",".join(COLUMNS) + "\n", *(",".join(f"{value:.9g}" for value in row) + "\n" for row in rows)]).encode()
 
@@ -35,15 +35,15 @@ def shutter_facts(timing: ShutterTiming) -> dict[str, object]:
 
 def case_json(staged: Stage, more: Mapping[str, object]) -> bytes:
     """The stage in numbers, and what more the caller states of the rendering."""
-    camera, timing, lens = staged.camera, staged.timing, staged.camera.distortion
+    lens = staged.camera.intrinsics
     case = {
         "kind": "still",
-        **shutter_facts(timing),
-        "rows": camera.rows,
-        "cols": camera.cols,
-        "focal_px": camera.fx,
+        **shutter_facts(staged.camera.timing),
+        "rows": lens.rows,
+        "cols": lens.cols,
+        "focal_px": lens.fx,
         "blur_px": round(staged.blur, 3),
-        **({"distortion": {"model": lens.model, "coefficients": lens.coefficients}} if lens else {}),
+        **({"distortion": {"model": lens.distortion.model, "coefficients": lens.distortion.coefficients}} if lens.distortion else {}),
         **more,
     }
     return (json.dumps(case, indent=1) + "\n").encode()

@@ -108,7 +108,7 @@ def carry_out(plan: Plan, observe: Observer = ignore) -> Simulated:
     words = {**plan.words, "gain": frame.gain, "samples": frame.samples, "seed": seed, "rsvideo": version("rsvideo")}
     beside = [simulated_case.motion_csv(stage), simulated_case.case_json(stage, words)]
     write_whole(dict(zip(plan.files, [*_pictures(plan, rendering), *beside], strict=True)))
-    return Simulated(rows=stage.camera.rows, cols=stage.camera.cols, blur=stage.blur)
+    return Simulated(rows=stage.camera.intrinsics.rows, cols=stage.camera.intrinsics.cols, blur=stage.blur)
 
 
 def rendered(
@@ -125,7 +125,6 @@ def rendered(
     return render(
         light,
         camera=stage.camera,
-        timing=stage.timing,
         trajectory=stage.trajectory,
         noise=noise,
         rng=np.random.default_rng([seed, 1]),  # not the hand's numbers

@@ -30,8 +30,8 @@ def frame(pixels: np.ndarray) -> Frame:
     return Frame(pixels=pixels, clipped=pixels >= 1)
 
 
-def view(given: Frame, timing: ShutterTiming, lens: Intrinsics | None = None) -> View:
-    """The frame along its scanlines, by a camera of any focal length where that does not matter."""
+def view(given: Frame, timing: ShutterTiming) -> View:
+    """The frame along its scanlines, by a camera whose focal length does not matter."""
     rows, cols = given.pixels.shape[:2]
-    lens = lens or Intrinsics.centred(focal=float(max(rows, cols)), rows=rows, cols=cols)
+    lens = Intrinsics.centred(focal=float(max(rows, cols)), rows=rows, cols=cols)
     return to_scanlines(given, Camera(timing=timing, intrinsics=lens))

@@ -9,7 +9,7 @@ import skimage.data
 from rsvideo.baselines import uniform
 from rsvideo.frame import Verdict
 from rsvideo.physics import simulate
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.report.metrics import psnr
@@ -17,7 +17,7 @@ from rsvideo.restoration.settings import Settings
 from tests.baselines.scenes import cards, frame, path, view
 
 ROWS, COLS = 128, 144
-CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
+LENS = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
 SETTINGS = Settings(prior="tv")
 pytestmark = pytest.mark.usefixtures("small_kernels")
 HOOK = np.array([[0.0, 0.0], [2.5, 1.0], [0.3, -1.2]])  # px: a bent path of 9 px
@@ -35,7 +35,8 @@ def photograph():
 def taken(coefficients=HOOK, *, scene=None):
     scene = photograph() if scene is None else scene
     rng, noise = np.random.default_rng(0), Noise.at_half(0.002)
-    return simulate.render(scene, camera=CAMERA, timing=shutter(), trajectory=path(coefficients), noise=noise, rng=rng, samples=32)
+    camera = Camera(timing=shutter(), intrinsics=LENS)
+    return simulate.render(scene, camera=camera, trajectory=path(coefficients), noise=noise, rng=rng, samples=32)
 
 
 def drawn(coefficients, size):

@@ -121,8 +121,7 @@ def made(
     else:
         return None
     noise, gain = float(np.exp(rng.uniform(*np.log(NOISE)))), float(rng.uniform(*GAIN))
-    shot = {"camera": staged.camera, "timing": staged.timing, "trajectory": staged.trajectory}
-    rendering = render(scene, **shot, noise=Noise.at_half(noise), rng=rng, gain=gain)
+    rendering = render(scene, camera=staged.camera, trajectory=staged.trajectory, noise=Noise.at_half(noise), rng=rng, gain=gain)
     quality = int(rng.integers(*JPEG)) if rng.uniform() < COMPRESSED else None
     case.mkdir(parents=True)
     for name, light in (("blurred", rendering.blurred), ("truth", rendering.truth)):

@@ -83,14 +83,14 @@ class Stage(NamedTuple):
 def case(cols: int, rows: int, blur: float) -> Case:
     """A detailed picture, blurred along a path whose longest PSF spans `blur` px."""
     timing = ShutterTiming.from_readout(exposure=EXPOSURE, readout=READOUT, rows=rows)
-    camera = Intrinsics.centred(focal=FOCAL * max(cols, rows), rows=rows, cols=cols)
+    camera = Camera(timing=timing, intrinsics=Intrinsics.centred(focal=FOCAL * max(cols, rows), rows=rows, cols=cols))
     drawn = Polynomial(t0=0.0, t1=timing.interval[1], coefficients=PATH)
-    path = simulate.scaled_to(blur, camera=camera, timing=timing, trajectory=drawn)
-    down, across = simulate.margin(camera=camera, timing=timing, trajectory=path)
+    path = simulate.scaled_to(blur, camera=camera, trajectory=drawn)
+    down, across = simulate.margin(camera=camera, trajectory=path)
     sharp = speed.scene(cols + 2 * across, rows + 2 * down)[..., ::-1]
-    shot = {"camera": camera, "timing": timing, "trajectory": path, "noise": Noise.at_half(NOISE), "rng": np.random.default_rng(0)}
-    made = simulate.render((sharp / 255) ** 2.2, **shot, samples=24)
-    return Case(made.blurred, made.truth, Camera(timing=timing, intrinsics=camera), path)
+    noise, rng = Noise.at_half(NOISE), np.random.default_rng(0)
+    made = simulate.render((sharp / 255) ** 2.2, camera=camera, trajectory=path, noise=noise, rng=rng, samples=24)
+    return Case(made.blurred, made.truth, camera, path)
 
 
 def stages(frame: DeviceFrame) -> Iterator[Stage]:

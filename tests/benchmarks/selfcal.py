@@ -53,9 +53,9 @@ def case(seed: int, frames: int) -> tuple[dict, str]:
     pairs, before = [], None
     for k in range(frames):
         times = timing.sample_times(3) + k / FPS + 0.02
-        maps = simulate.homographies(path.at(times.ravel()), camera=camera).reshape(*times.shape, 3, 3)
+        maps = simulate.homographies(path.at(times.ravel()), intrinsics=camera).reshape(*times.shape, 3, 3)
         x, y = np.meshgrid(np.arange(COLS, dtype=float), np.arange(ROWS, dtype=float))
-        frame = simulate._sampled_through(light, x, y, maps, camera=camera, observe=ignore)[..., 0]
+        frame = simulate._sampled_through(light, x, y, maps, intrinsics=camera, observe=ignore)[..., 0]
         frame = frame + 0.004 * rng.standard_normal(frame.shape) * np.sqrt(0.5 + np.maximum(frame, 0))
         stored = np.round(255 * tone.encode(Transfer.SRGB, np.clip(frame, 0, 1).astype(np.float32)))
         codes = tracks.codes(tone.decode(Transfer.SRGB, stored / np.float32(255)).astype(float))

@@ -15,6 +15,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from speed import scene
 from rsvideo.allocation import keep_freed_memory
 from rsvideo.config.request import Request, Sections
 from rsvideo.physics import row_fourier, staging
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.row_fourier import RowFourier
 from rsvideo.physics.shutter import ShutterTiming
@@ -193,23 +194,23 @@ def peak() -> tuple[float, float]:
 
 def filmed(path: Path, cols: int, rows: int, blur: float, frames: int) -> None:
     """A photograph, or a clip of several frames, with up to `blur` px of blur."""
-    lens = Intrinsics.centred(focal=FOCAL * cols, rows=rows, cols=cols)
     timing = ShutterTiming.from_readout(exposure=EXPOSURE, readout=READOUT, rows=rows)
+    camera = Camera(timing=timing, intrinsics=Intrinsics.centred(focal=FOCAL * cols, rows=rows, cols=cols))
     lasting = ShutterTiming.from_readout(exposure=EXPOSURE, readout=READOUT + frames / RATE, rows=rows)
-    motion = staging.hand(SEED)(lens, lasting)
+    motion = staging.hand(SEED)(replace(camera, timing=lasting))
     times = np.linspace(*timing.interval, 6 * TERMS)
     rest = still(timing.interval, degree=TERMS - 1, axes=3)
     pieces = [fit(rest, times, motion.at(times + k / RATE)) for k in range(frames)]
-    scale = blur / max(extent(camera=lens, timing=timing, trajectory=piece) for piece in pieces)
+    scale = blur / max(extent(camera=camera, trajectory=piece) for piece in pieces)
     middle = motion.at(np.array([lasting.middle if frames > 1 else timing.middle]))[0]
     moved = [piece.shifted(-middle) for piece in pieces]
     moved = [piece.with_coefficients(piece.coefficients * scale) for piece in moved]
-    down, across = np.max([margin(camera=lens, timing=timing, trajectory=piece) for piece in moved], axis=0)
+    down, across = np.max([margin(camera=camera, trajectory=piece) for piece in moved], axis=0)
     sharp = decode(Transfer.SRGB, scene(int(cols + 2 * across), int(rows + 2 * down))[..., ::-1].astype(np.float32) / 255)
     rng = np.random.default_rng(SEED)
 
     def shown(piece: Trajectory) -> np.ndarray:
-        blurred = render(sharp, camera=lens, timing=timing, trajectory=piece, noise=Noise.at_half(NOISE), rng=rng).blurred
+        blurred = render(sharp, camera=camera, trajectory=piece, noise=Noise.at_half(NOISE), rng=rng).blurred
         return np.round(encode(Transfer.SRGB, blurred) * 255).astype(np.uint8)
 
     if frames == 1:

@@ -182,13 +182,11 @@ def frame() -> tuple[np.ndarray, np.ndarray, BlurOperator]:
     """A frame with 18 px of blur, its truth, and its operator."""
     t0, t1 = CAMERA.timing.interval
     path = Polynomial(t0=t0, t1=t1, coefficients=np.array([[0, 0], [10, 4], [-2, 3], [1, -1], [0.3, 0.2]], float))
-    path = simulate.scaled_to(18, camera=CAMERA.intrinsics, timing=CAMERA.timing, trajectory=path)
+    path = simulate.scaled_to(18, camera=CAMERA, trajectory=path)
     picture = cv2.resize(skimage.data.astronaut()[:400], (COLS + 100, ROWS + 100), interpolation=cv2.INTER_AREA)
     scene = decode(Transfer.SRGB, (picture / 255).astype(np.float32)).mean(axis=2, keepdims=True)
     noise = Noise.at_half(0.002)
-    made = simulate.render(
-        scene, camera=CAMERA.intrinsics, timing=CAMERA.timing, trajectory=path, noise=noise, rng=np.random.default_rng(0)
-    )
+    made = simulate.render(scene, camera=CAMERA, trajectory=path, noise=noise, rng=np.random.default_rng(0))
     return made.blurred[..., 0], made.truth[..., 0], BlurOperator.covering(path, camera=CAMERA)
 
 

@@ -52,49 +52,50 @@ class Clip:
     frames: list[Frame]
     truth: list[np.ndarray]
     ways: Sequence[Trajectory]
-    timing: ShutterTiming
-    camera: Intrinsics
+    camera: Camera
 
 
 def simulated(scene: str, rms: float, seed: int, direction: Direction) -> Clip:
     """A sharp clip of a shaken camera."""
     light = still.read(Path(skimage.data.__file__).parent / scene).pixels.astype(np.float64)
-    camera = Intrinsics.centred(focal=FOCAL, rows=ROWS, cols=COLS)
+    lens = Intrinsics.centred(focal=FOCAL, rows=ROWS, cols=COLS)
     lines = COLS if direction in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT) else ROWS
     timing = ShutterTiming.from_readout(exposure=0.5e-3, readout=0.025, rows=lines, direction=direction)
+    camera = Camera(timing=timing, intrinsics=lens)
     begins = np.arange(FRAMES) / RATE
     step = 0.5e-3
     angles = shake(np.random.default_rng(seed), float(begins[-1]) + timing.interval[1], 1 / step, rms=rms)
     angles -= angles.mean(axis=0)
-    whole = gyro.spline_through(gyro.poses_from_angles(angles, camera=camera), duration=step * (len(angles) - 1), spacing=0.0025)
+    whole = gyro.spline_through(gyro.poses_from_angles(angles, camera=lens), duration=step * (len(angles) - 1), spacing=0.0025)
     assert isinstance(whole, Spline)
     ways = [replace(whole, t0=whole.t0 - b, t1=whole.t1 - b) for b in begins]
-    needed = np.max([margin(camera=camera, timing=timing, trajectory=way) for way in ways], axis=0)
+    needed = np.max([margin(camera=camera, trajectory=way) for way in ways], axis=0)
     if (np.array(light.shape[:2]) < np.array([ROWS, COLS]) + 2 * needed).any():
         light = np.pad(light, ((needed[0], needed[0]), (needed[1], needed[1]), (0, 0)), mode="reflect")
     rng = np.random.default_rng([seed, 1])
-    made = [render(light, camera=camera, timing=timing, trajectory=w, noise=Noise.at_half(0.005), rng=rng, samples=4) for w in ways]
+    made = [render(light, camera=camera, trajectory=w, noise=Noise.at_half(0.005), rng=rng, samples=4) for w in ways]
     frames = [
         Frame(pixels=m.blurred, clipped=m.blurred >= 1, time=float(b), index=k) for k, (m, b) in enumerate(zip(made, begins, strict=True))
     ]
     name = f"{Path(scene).stem} {rms:g} rad/s {direction.value}"
-    return Clip(name=name, frames=frames, truth=[m.truth for m in made], ways=ways, timing=timing, camera=camera)
+    return Clip(name=name, frames=frames, truth=[m.truth for m in made], ways=ways, camera=camera)
 
 
 def rendered(case: Path) -> Clip:
     """A blurred clip with its truth."""
     facts = json.loads((case / "case.json").read_text())
-    camera = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
+    lens = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
     timing = ShutterTiming.from_readout(exposure=facts["exposure_s"], readout=facts["readout_s"], rows=facts["rows"])
     t, *angles = np.loadtxt(case / "motion.csv", delimiter=",", skiprows=1).T
-    poses = gyro.poses_from_angles(np.stack(angles, axis=1), camera=camera)
+    poses = gyro.poses_from_angles(np.stack(angles, axis=1), camera=lens)
     even = np.linspace(t[0], t[-1], len(t))
     poses = np.stack([np.interp(even, t, p) for p in poses.T], axis=1)
     whole = gyro.spline_through(poses, duration=float(t[-1] - t[0]), spacing=0.002)
     assert isinstance(whole, Spline)
     frames, truth = list(_frames(case / "clip.mp4")), [f.pixels for f in _frames(case / "truth.mp4")]
     ways = [replace(whole, t0=t[0] - f.time, t1=t[-1] - f.time) for f in frames]
-    return Clip(name=case.name, frames=frames, truth=truth, ways=ways, timing=timing, camera=camera)
+    camera = Camera(timing=timing, intrinsics=lens)
+    return Clip(name=case.name, frames=frames, truth=truth, ways=ways, camera=camera)
 
 
 def _frames(path: Path) -> Iterator[Frame]:
@@ -112,11 +113,12 @@ def poses(way: Trajectory, timing: ShutterTiming, scanlines: np.ndarray) -> np.n
 
 def told(moving: Clip, k: int, found: Movement | None) -> np.ndarray:
     """How far what frame k shows in its pixels, as it is or rectified, lies from where it belongs: places are rectified like light."""
-    camera, timing, extent = moving.camera, moving.timing, np.array([moving.camera.cols, moving.camera.rows])
-    y, x = np.mgrid[: camera.rows, : camera.cols].astype(float)
+    timing, lens = moving.camera.timing, moving.camera.intrinsics
+    extent = np.array([lens.cols, lens.rows])
+    y, x = np.mgrid[: lens.rows, : lens.cols].astype(float)
     scanlines = timing.direction.image(np.broadcast_to(np.arange(timing.rows)[:, None], timing.direction.scanlines(x).shape))
     here = np.stack([x, y], axis=-1)
-    home = here + turned(camera, x, y, poses(moving.ways[k], timing, np.arange(float(timing.rows)))[scanlines])
+    home = here + turned(lens, x, y, poses(moving.ways[k], timing, np.arange(float(timing.rows)))[scanlines])
     pixels = (0.25 + 0.5 * home / extent).astype(np.float32)  # so that places somewhat outside lie in [0, 1] too
     shown = Frame(pixels=pixels, clipped=np.zeros(pixels.shape, bool))
     if found is not None and (way := found.within[k]) is not None:
@@ -127,8 +129,8 @@ def told(moving: Clip, k: int, found: Movement | None) -> np.ndarray:
 
 def straight(moving: Clip, frame: Frame, way: Trajectory, flow: Flow | None) -> Frame:
     """The frame rectified along a path in image axes."""
-    view = to_scanlines(frame, Camera(timing=moving.timing, intrinsics=moving.camera))
-    return rectified(view, path_along_scanlines(way, moving.timing.direction), flow=flow).frame
+    view = to_scanlines(frame, moving.camera)
+    return rectified(view, path_along_scanlines(way, moving.camera.timing.direction), flow=flow).frame
 
 
 def tracked(pixels: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -145,7 +147,7 @@ def rms(displacements: list[np.ndarray]) -> float:
 
 def measured(moving: Clip) -> tuple[float, ...]:
     """Wobble before and after, as the true motion tells it and as corners show it."""
-    found = movement(moving.frames, Camera(timing=moving.timing, intrinsics=moving.camera), Settings())
+    found = movement(moving.frames, moving.camera, Settings())
     before, now = (rms([told(moving, k, how) for k in range(len(moving.frames))]) for how in (None, found))
     ways = zip(moving.frames, found.within, [one.flow for one in found.evidence], strict=True)
     shown = [straight(moving, f, w, u) if w else f for f, w, u in ways]

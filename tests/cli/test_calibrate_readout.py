@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from rsvideo.cli import app
 from rsvideo.cli.exit_codes import code_and_line
 from rsvideo.physics import gyro, shake, simulate, tone
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.tone import Transfer
 from rsvideo.shooting import profiles
@@ -63,10 +63,11 @@ def bands(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def hand_held(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A photograph, filmed by hand with a readout of 20 ms."""
-    camera, readout, frames = Intrinsics.centred(focal=400, rows=ROWS, cols=COLS), 0.02, 12
+    lens, readout, frames = Intrinsics.centred(focal=400, rows=ROWS, cols=COLS), 0.02, 12
     timing = ShutterTiming.from_readout(exposure=0.002, readout=readout, rows=ROWS)
+    camera = Camera(timing=timing, intrinsics=lens)
     angles = shake.shake(np.random.default_rng(2), frames / FPS + 0.1, 2000.0, rms=0.15)
-    poses = gyro.poses_from_angles(angles - angles.mean(axis=0), camera=camera)
+    poses = gyro.poses_from_angles(angles - angles.mean(axis=0), camera=lens)
     path = gyro.spline_through(poses, duration=(len(angles) - 1) / 2000, spacing=0.004)
     photo = tone.decode(Transfer.SRGB, skimage.data.astronaut().astype(np.float32) / 255).mean(axis=2)
     scene = cv2.copyMakeBorder(photo, 60, 60, 60, 60, cv2.BORDER_REFLECT).astype(float)[..., None]
@@ -75,7 +76,7 @@ def hand_held(tmp_path_factory: pytest.TempPathFactory) -> Path:
         local = gyro.spline_through(
             path.at(np.linspace(0, timing.interval[1], 33) + float(k / FPS)), duration=timing.interval[1], spacing=0.004
         )
-        lights.append(simulate.blur(scene, camera=camera, timing=timing, trajectory=local, samples=2)[..., 0])
+        lights.append(simulate.blur(scene, camera=camera, trajectory=local, samples=2)[..., 0])
     return encoded(tmp_path_factory.mktemp("hand") / "clip.mp4", lights)
 
 

@@ -5,6 +5,7 @@ import skimage.data
 
 from rsvideo.comparison import residual
 from rsvideo.config.sidecar import Camera, Sidecar
+from rsvideo.physics import camera as physics
 from rsvideo.physics import simulate
 from rsvideo.physics.distortion import Distortion
 from rsvideo.physics.trajectory import Polynomial
@@ -46,8 +47,9 @@ def test_what_a_distorting_lens_blurred_is_explained_by_that_lens() -> None:
     t0, t1 = timing.interval
     path = Polynomial(t0=t0, t1=t1, coefficients=np.array([np.zeros(3), (poses[-1] - poses[0]) / np.sqrt(12)]))
     scene = (skimage.data.astronaut()[:340, :480, :1] / 255.0) ** 2.2
-    blurred = simulate.blur(scene, camera=bent, timing=timing, trajectory=path, samples=32)[..., 0].astype(np.float32)
-    latent = simulate.still(scene, camera=bent, pose=np.zeros(3))[..., 0].astype(np.float32)
+    taken_by = physics.Camera(timing=timing, intrinsics=bent)
+    blurred = simulate.blur(scene, camera=taken_by, trajectory=path, samples=32)[..., 0].astype(np.float32)
+    latent = simulate.still(scene, intrinsics=bent, pose=np.zeros(3))[..., 0].astype(np.float32)
 
     def left(camera: Camera) -> float:
         said: Sidecar = plain.model_copy(update={"settings": plain.settings.model_copy(update={"camera": camera})})

@@ -15,8 +15,8 @@ from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.settings import Settings
 
 ROWS, COLS = 120, 160
-LENS = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
+CAMERA = Camera(timing=TIMING, intrinsics=Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS))
 TRUE = Polynomial(t0=0.0, t1=TIMING.interval[1], coefficients=np.array([[0.0, 0.0], [5.0, -2.5], [1.2, 1.2]]))
 
 
@@ -24,10 +24,9 @@ TRUE = Polynomial(t0=0.0, t1=TIMING.interval[1], coefficients=np.array([[0.0, 0.
 def scene() -> Scene:
     """A photograph as a moving camera records it."""
     sharp = (skimage.data.astronaut()[30:230, 90:330].mean(axis=2) / 255) ** 2.2
-    frame = simulate.blur(sharp[..., None], camera=LENS, timing=TIMING, trajectory=TRUE, samples=24)[..., 0]
+    frame = simulate.blur(sharp[..., None], camera=CAMERA, trajectory=TRUE, samples=24)[..., 0]
     frame = (frame + 0.001 * np.random.default_rng(0).standard_normal(frame.shape)).astype(np.float32)
-    camera = Camera(timing=TIMING, intrinsics=LENS)
-    return Scene(frame=frame, valid=np.ones_like(frame), camera=camera, samples=16, tiles=1, noise=0.001)
+    return Scene(frame=frame, valid=np.ones_like(frame), camera=CAMERA, samples=16, tiles=1, noise=0.001)
 
 
 @pytest.mark.slow

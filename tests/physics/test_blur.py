@@ -108,7 +108,7 @@ def test_turning_agrees_with_the_simulator_where_interpolation_is_exact(way, len
     K = operator(3, way, lens=lens)
     rows, cols = K.latent_shape
     ramp = 0.3 * np.arange(cols)[None, :] - 0.2 * np.arange(rows)[:, None]
-    seen = simulate.blur(ramp[..., None], camera=K.camera.intrinsics, timing=K.camera.timing, trajectory=K.trajectory, samples=7)
+    seen = simulate.blur(ramp[..., None], camera=K.camera, trajectory=K.trajectory, samples=7)
     np.testing.assert_allclose(K.forward(ramp), seen[..., 0], atol=1e-9)
 
 

@@ -7,7 +7,7 @@ import pytest
 import skimage.data
 
 from rsvideo.physics import tone
-from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.filming import Pace, filmed
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.scene_between import SceneBetween
@@ -51,7 +51,7 @@ def path(begin, shutter, speed):
 @pytest.fixture(scope="module")
 def sharp(scene):
     """Instants of the scene, a period apart."""
-    return [still(scene, camera=LENS, pose=VELOCITY * k * PERIOD).astype(np.float32) for k in range(8)]
+    return [still(scene, intrinsics=LENS, pose=VELOCITY * k * PERIOD).astype(np.float32) for k in range(8)]
 
 
 def decibels(one, other):
@@ -65,9 +65,9 @@ def test_a_scene_that_moves_evenly_becomes_what_the_renderer_of_photographs_make
     shots = film(sharp, shutter, speed=speed, frames=2)
     for frame, shot in enumerate(shots):
         trajectory = path(frame * speed * PERIOD, shutter, speed)
-        rendered = blur(scene, camera=LENS, timing=shutter, trajectory=trajectory)
+        rendered = blur(scene, camera=Camera(timing=shutter, intrinsics=LENS), trajectory=trajectory)
         assert decibels(shot.blurred, rendered) > 43
-        assert decibels(shot.truth, still(scene, camera=LENS, pose=trajectory.at(np.array([shutter.middle]))[0])) > 40
+        assert decibels(shot.truth, still(scene, intrinsics=LENS, pose=trajectory.at(np.array([shutter.middle]))[0])) > 40
         assert shot.blur == pytest.approx(np.hypot(*VELOCITY) * 0.02 * speed, rel=0.03)
 
 
@@ -78,9 +78,9 @@ def test_automatic_exposure_changes_the_blur_of_each_frame_and_when_it_opens_not
         shutter = timing(exposure=0.012 * growth**frame)
         opens = frame * PERIOD + 0.012 - shutter.exposure
         trajectory = path(opens, shutter, 1.0)
-        rendered = blur(scene, camera=LENS, timing=shutter, trajectory=trajectory)
+        rendered = blur(scene, camera=Camera(timing=shutter, intrinsics=LENS), trajectory=trajectory)
         assert decibels(shot.blurred, rendered) > 40
-        assert decibels(shot.truth, still(scene, camera=LENS, pose=trajectory.at(np.array([shutter.middle]))[0])) > 40
+        assert decibels(shot.truth, still(scene, intrinsics=LENS, pose=trajectory.at(np.array([shutter.middle]))[0])) > 40
         assert shot.blur == pytest.approx(np.hypot(*VELOCITY) * shutter.exposure, rel=0.03)
 
 
@@ -90,7 +90,7 @@ def test_each_scanline_shows_its_own_instant(scene, sharp, direction):
     shot = film(sharp, shutter, speed=2.0)[0]
     lines = direction.scanlines(shot.blurred)
     for i in range(12, shutter.rows - 12, 17):
-        right, wrong = (still(scene, camera=LENS, pose=VELOCITY * 2 * shutter.row_start()[k]) for k in (i, shutter.rows - 1 - i))
+        right, wrong = (still(scene, intrinsics=LENS, pose=VELOCITY * 2 * shutter.row_start()[k]) for k in (i, shutter.rows - 1 - i))
         right, wrong = (direction.scanlines(each)[i, 12:-12] for each in (right, wrong))
         error = np.mean((lines[i, 12:-12] - right) ** 2)
         assert error < 2e-4

@@ -15,9 +15,9 @@ SWEEP = polynomial({"x": [0, 8, 4], "y": [3, -6], "roll": [0, 0.02]})
 
 def test_the_frame_is_the_largest_that_sees_only_the_scene():
     staged = stage(90, 130, motion=SWEEP, focal=200.0, exposure=0.01, readout=0.02)
-    above, beside = margin(camera=staged.camera, timing=staged.timing, trajectory=staged.trajectory)
-    assert 0 <= 90 - (staged.camera.rows + 2 * above) <= 2
-    assert 0 <= 130 - (staged.camera.cols + 2 * beside) <= 2
+    above, beside = margin(camera=staged.camera, trajectory=staged.trajectory)
+    assert 0 <= 90 - (staged.camera.intrinsics.rows + 2 * above) <= 2
+    assert 0 <= 130 - (staged.camera.intrinsics.cols + 2 * beside) <= 2
 
 
 @pytest.mark.parametrize("direction", list(Direction), ids=[d.value for d in Direction])
@@ -25,17 +25,17 @@ def test_the_frame_is_the_largest_that_sees_only_the_scene():
 def test_a_stage_can_be_rendered(direction, shutter):
     staged = stage(90, 130, motion=SWEEP, focal=200.0, exposure=0.01, direction=direction, **shutter)
     scene = np.full((90, 130, 1), 0.5)
-    blurred = blur(scene, camera=staged.camera, timing=staged.timing, trajectory=staged.trajectory, samples=2)
-    assert blurred.shape == (staged.camera.rows, staged.camera.cols, 1)
+    blurred = blur(scene, camera=staged.camera, trajectory=staged.trajectory, samples=2)
+    assert blurred.shape == (staged.camera.intrinsics.rows, staged.camera.intrinsics.cols, 1)
     if "readout" in shutter:
-        assert staged.timing.readout == pytest.approx(shutter["readout"])
+        assert staged.camera.timing.readout == pytest.approx(shutter["readout"])
     else:
-        assert staged.timing.row_time == 2e-4
+        assert staged.camera.timing.row_time == 2e-4
 
 
 def test_the_middle_of_the_interval_is_the_origin():
     staged = stage(90, 130, motion=SWEEP, focal=200.0, exposure=0.01, readout=0.02)
-    np.testing.assert_allclose(staged.trajectory.at(np.array([staged.timing.middle]))[0], 0, atol=1e-12)
+    np.testing.assert_allclose(staged.trajectory.at(np.array([staged.camera.timing.middle]))[0], 0, atol=1e-12)
 
 
 def test_a_polynomial_is_written_in_powers_of_the_fraction_of_the_interval():
@@ -49,13 +49,13 @@ def test_a_lens_gives_its_whole_picture_in_its_shape():
         fx=800.0, fy=790.0, cx=330.0, cy=235.0, rows=480, cols=640, distortion=Distortion(model="fisheye", coefficients=(0.1, 0, 0, 0))
     )
     staged = stage(90, 130, motion=SWEEP, lens=lens, exposure=0.01, readout=0.02)
-    rows, cols = staged.camera.rows, staged.camera.cols
-    assert staged.camera == lens.scaled(rows, cols)
+    rows, cols = staged.camera.intrinsics.rows, staged.camera.intrinsics.cols
+    assert staged.camera.intrinsics == lens.scaled(rows, cols)
     assert cols == pytest.approx(rows * 4 / 3, abs=1)
-    above, _ = margin(camera=staged.camera, timing=staged.timing, trajectory=staged.trajectory)
+    above, _ = margin(camera=staged.camera, trajectory=staged.trajectory)
     assert 0 <= 90 - (rows + 2 * above) <= 4
     chosen = stage(90, 130, motion=SWEEP, lens=lens, exposure=0.01, readout=0.02, frame=(48, 64))
-    assert chosen.camera == lens.scaled(48, 64)
+    assert chosen.camera.intrinsics == lens.scaled(48, 64)
     with pytest.raises(ValueError, match="the shape of the camera's, 640 x 480 px, got 64 x 64"):
         stage(90, 130, motion=SWEEP, lens=lens, exposure=0.01, readout=0.02, frame=(64, 64))
     with pytest.raises(ValueError, match="either a focal length or a lens"):
@@ -79,7 +79,7 @@ def test_a_hand_shakes_by_its_seed_as_fast_as_asked():
 
 def test_blur_is_scaled_for_the_frame_that_is_found():
     staged = stage(90, 130, motion=hand(1), focal=200.0, exposure=0.01, readout=0.02, blur=9.0)
-    assert extent(camera=staged.camera, timing=staged.timing, trajectory=staged.trajectory) == pytest.approx(9)
+    assert extent(camera=staged.camera, trajectory=staged.trajectory) == pytest.approx(9)
 
 
 def test_a_recorded_turn_moves_by_the_focal_length():

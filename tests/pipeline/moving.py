@@ -103,7 +103,7 @@ class Moving:
     def shot(self, way: Trajectory, k: int) -> Rendering:
         """Frame k of a camera that moves in this way instead."""
         noise, rng = Noise.at_half(0.002), np.random.default_rng(k)
-        return render(self.light, camera=self.lens, timing=self.timing, noise=noise, samples=24, trajectory=way, rng=rng)
+        return render(self.light, camera=self.camera, noise=noise, samples=24, trajectory=way, rng=rng)
 
     @property
     def recorded(self) -> list[Frame]:

@@ -98,7 +98,7 @@ def test_a_frame_is_shown_as_the_lens_would_have_shown_it_turned() -> None:
         replace(CAMERA, distortion=Distortion(model="brown-conrady", coefficients=(-0.8, 0.5, 0.0, 0.0))),
         np.array([4.0, -3.0, 0.05]),
     )
-    frame, expected = (simulate.still(scene, camera=camera, pose=pose).astype(np.float32) for pose in (np.zeros(3), turn))
+    frame, expected = (simulate.still(scene, intrinsics=camera, pose=pose).astype(np.float32) for pose in (np.zeros(3), turn))
 
     def off(by: Intrinsics) -> float:
         return float(np.std((shown(frame, turn, 1.0, by) - expected)[16:-16, 16:-16]))

@@ -14,7 +14,7 @@ from rsvideo.restoration.spectral_paths import mirrored
 
 ROWS, COLS = 192, 288
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
-LENS = Intrinsics.centred(focal=400, rows=ROWS, cols=COLS)
+CAMERA = Camera(timing=TIMING, intrinsics=Intrinsics.centred(focal=400, rows=ROWS, cols=COLS))
 
 
 def test_what_all_blocks_agree_on_counts_by_its_standard_error() -> None:
@@ -47,9 +47,9 @@ def scene_of_squares(path: Trajectory) -> Scene:
         top, left, size = (*rng.integers(0, [ROWS + 60, COLS + 60]), rng.integers(8, 40))
         picture[top : top + size, left : left + size] = rng.uniform(0.1, 0.9)
     light = np.repeat(picture[..., None], 3, axis=2)
-    shot = render(light, camera=LENS, timing=TIMING, trajectory=path, noise=Noise.at_half(0.003), rng=rng, samples=48)
+    shot = render(light, camera=CAMERA, trajectory=path, noise=Noise.at_half(0.003), rng=rng, samples=48)
     grey = shot.blurred.mean(axis=2)
-    return Scene(frame=grey, valid=np.ones_like(grey), camera=Camera(timing=TIMING, intrinsics=LENS), samples=24, tiles=2, noise=0.003)
+    return Scene(frame=grey, valid=np.ones_like(grey), camera=CAMERA, samples=24, tiles=2, noise=0.003)
 
 
 def path_of(*coefficients: tuple[float, float]) -> Trajectory:

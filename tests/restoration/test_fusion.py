@@ -14,8 +14,8 @@ from rsvideo.restoration.nonblind import deblur, tiled
 from rsvideo.restoration.settings import Settings
 
 ROWS, COLS = 96, 192
-CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
+CAMERA = Camera(timing=TIMING, intrinsics=Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS))
 LONG = np.array([[0.0, 0.0, 0.0], [6.0, -3.0, 0.01], [1.0, 1.5, 0.0], [-0.4, 0.3, 0.0]])
 SHORT = LONG / 8
 AWAY = np.array([3.3, -2.6, 0.01])  # px, px, rad: where the neighbour looks
@@ -29,7 +29,6 @@ def taken(coefficients, photograph, *, pose=(0.0, 0.0, 0.0)):
     return simulate.render(
         (photograph / 255) ** 2.2,
         camera=CAMERA,
-        timing=TIMING,
         trajectory=path(coefficients).shifted(np.array(pose)),
         noise=Noise.at_half(0.004),
         rng=np.random.default_rng(0),
@@ -42,7 +41,7 @@ def alone(case, coefficients):
         case.blurred,
         np.zeros(case.blurred.shape, bool),
         path(coefficients),
-        Camera(timing=TIMING, intrinsics=CAMERA),
+        CAMERA,
         samples=24,
         tolerance=0.25,
     )
@@ -64,7 +63,7 @@ def test_a_sharper_neighbour_that_looks_elsewhere_gives_detail_back(long):
     near = taken(SHORT, skimage.data.astronaut()[20:180, 60:310], pose=AWAY)
     frame, own = alone(long, LONG)
     other = PosedImage(latent=alone(near, SHORT)[1], pose=AWAY + np.array([0.3, 0.2, 5e-4]), length=1.5)  # nearly
-    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA, 0.004)
+    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA.intrinsics, 0.004)
     assert both.explained[16:-16, 16:-16].mean() > 0.8
     assert psnr(both.latent, long.truth) > psnr(own, long.truth) + 2
 
@@ -72,7 +71,7 @@ def test_a_sharper_neighbour_that_looks_elsewhere_gives_detail_back(long):
 def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
     frame, own = alone(long, LONG)
     stranger = PosedImage(latent=np.ascontiguousarray(own[:, ::-1]), pose=np.zeros(3), length=1.5)
-    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [stranger], CAMERA, 0.004)
+    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [stranger], CAMERA.intrinsics, 0.004)
     assert np.median(both.explained[16:-16, 16:-16]) < 0.1
     assert psnr(both.latent, long.truth) > psnr(own, long.truth) - 0.5
 

@@ -36,8 +36,7 @@ def photograph():
 def taken(coefficients, *, sigma=0.0, scene=None, gain=1.0):
     return simulate.render(
         photograph() if scene is None else scene,
-        camera=CAMERA.intrinsics,
-        timing=TIMING,
+        camera=CAMERA,
         trajectory=path(coefficients),
         noise=Noise.at_half(sigma),
         rng=np.random.default_rng(0),

@@ -26,9 +26,7 @@ SETTINGS = Settings(quality="draft")
 @pytest.fixture(scope="module")
 def shot():
     rng = np.random.default_rng(0)
-    return render(
-        Moving(frames=1).light, camera=CAMERA.intrinsics, timing=TIMING, trajectory=PATH, noise=Noise.at_half(2e-3), rng=rng, samples=32
-    )
+    return render(Moving(frames=1).light, camera=CAMERA, trajectory=PATH, noise=Noise.at_half(2e-3), rng=rng, samples=32)
 
 
 @pytest.fixture(scope="module")

@@ -16,8 +16,8 @@ from rsvideo.restoration.sparsity import objective, sparsity, texture_weight
 from rsvideo.restoration.verdict import across
 
 ROWS, COLS = 144, 200
-CAMERA = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
+CAMERA = Camera(timing=TIMING, intrinsics=Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS))
 SHIFT = np.array([[0.0, 0.0], [4.0, -2.0], [1.0, 1.5], [-0.4, 0.3]])
 TURN = np.hstack([SHIFT, [[0.0], [0.02], [-0.006], [0.0]]])
 NOISE = 0.002
@@ -30,10 +30,10 @@ def path(coefficients):
 def scene(coefficients) -> Scene:
     """A photograph as a camera on that path records it."""
     sharp = (skimage.data.astronaut()[30:250, 90:340].mean(axis=2) / 255) ** 2.2
-    frame = simulate.blur(sharp[..., None], camera=CAMERA, timing=TIMING, trajectory=path(coefficients), samples=24)[..., 0]
+    frame = simulate.blur(sharp[..., None], camera=CAMERA, trajectory=path(coefficients), samples=24)[..., 0]
     frame = (frame + NOISE * np.random.default_rng(0).standard_normal(frame.shape)).astype(np.float32)
     valid = np.ones_like(frame)
-    return Scene(frame=frame, valid=valid, camera=Camera(timing=TIMING, intrinsics=CAMERA), samples=16, tiles=2, noise=NOISE)
+    return Scene(frame=frame, valid=valid, camera=CAMERA, samples=16, tiles=2, noise=NOISE)
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from rsvideo.restoration.verdict import across
 ROWS, COLS = 192, 288
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
 LENS = Intrinsics.centred(focal=400, rows=ROWS, cols=COLS)
+CAMERA = Camera(timing=TIMING, intrinsics=LENS)
 TIMES = np.linspace(*TIMING.interval, 65)
 
 
@@ -34,9 +35,9 @@ def taken(path: Trajectory, sigma: float = 0.002) -> Scene:
     """The scene that a moving camera shows."""
     rng = np.random.default_rng(0)
     scene = np.repeat(fractal(rng, ROWS + 120, COLS + 120)[..., None], 3, axis=2)
-    shot = render(scene, camera=LENS, timing=TIMING, trajectory=path, noise=Noise.at_half(sigma), rng=rng, samples=48)
+    shot = render(scene, camera=CAMERA, trajectory=path, noise=Noise.at_half(sigma), rng=rng, samples=48)
     grey = shot.blurred.mean(axis=2)
-    return Scene(frame=grey, valid=np.ones_like(grey), camera=Camera(timing=TIMING, intrinsics=LENS), samples=24, tiles=3, noise=sigma)
+    return Scene(frame=grey, valid=np.ones_like(grey), camera=CAMERA, samples=24, tiles=3, noise=sigma)
 
 
 def moved(*coefficients: tuple[float, float, float]) -> Trajectory:

@@ -27,10 +27,10 @@ def shot(readout: float, exposure: float = 0.02) -> tuple[View, Trajectory, np.n
     coefficients = np.array([[0.0, 0.0, 0.0], [end, -0.3 * end, 1e-3]])
     path = centred(Polynomial(t0=0.0, t1=timing.interval[1], coefficients=coefficients), timing.middle)
     scene = (skimage.data.astronaut()[20:260, 60:380] / 255) ** 2.2
-    taken = {"camera": LENS, "timing": timing, "trajectory": path, "noise": Noise.at_half(0.001), "rng": np.random.default_rng(0)}
-    rendering = simulate.render(scene, **taken, samples=32)
+    camera, rng = Camera(timing=timing, intrinsics=LENS), np.random.default_rng(0)
+    rendering = simulate.render(scene, camera=camera, trajectory=path, noise=Noise.at_half(0.001), rng=rng, samples=32)
     frame = Frame(pixels=rendering.blurred, clipped=rendering.blurred >= 1)
-    return to_scanlines(frame, Camera(timing=timing, intrinsics=LENS)), path, rendering.truth
+    return to_scanlines(frame, camera), path, rendering.truth
 
 
 def distance(one: np.ndarray, other: np.ndarray) -> float:
