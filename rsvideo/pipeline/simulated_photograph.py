@@ -88,16 +88,16 @@ def prepare(source: Path, simulation: Simulation, output: Path, *, overwrite: bo
     """
     frame, motion = simulation.frame, simulation.motion
     files, kinds = _files(source, simulation, output, overwrite=overwrite)
-    seen = optics(simulation.camera, simulation.grain.noise)
+    chosen = optics(simulation.camera, simulation.grain.noise)
     moved, motion_words = _moved(motion, simulation.grain.seed)
     photo = still.read(source, Transfer(frame.transfer) if frame.transfer else None)
     check_gain(frame.gain)
     roll = motion.model == "rotation"
     size = frame.size and (frame.size[1], frame.size[0])
-    stage = seen.stage(photo.pixels.shape[:2], moved, frame=size, roll=roll, blur=motion.blur_px)
+    stage = chosen.stage(photo.pixels.shape[:2], moved, frame=size, roll=roll, blur=motion.blur_px)
     words = {"source": source.name, "motion": motion_words, "roll": roll, "transfer": photo.transfer.value}
-    words |= _noise_words(simulation, seen.noise)
-    return Plan(files=files, kinds=kinds, photo=photo, optics=seen, stage=stage, simulation=simulation, words=words)
+    words |= _noise_words(simulation, chosen.noise)
+    return Plan(files=files, kinds=kinds, photo=photo, optics=chosen, stage=stage, simulation=simulation, words=words)
 
 
 def carry_out(plan: Plan, observe: Observer = ignore) -> Simulated:
