@@ -1,19 +1,22 @@
-"""How flat the optimum of each deciding number is: every still of a folder restored with the number halved, as it is, and doubled.
+"""How flat the optimum of each deciding number is: every case of a folder restored with the number halved, as it is, and doubled.
 
     python tests/benchmarks/sensitivity.py CASES -o FILE.json [--only scene.SEARCH_RIDGE] [--jobs 2] [--every 3] [--crop 352x224]
 
-CASES holds a folder a case, with blurred.* and truth.* (PNG or JPEG), case.json and motion.csv; `corpus.py --keep CASES` writes such.
---every 3 takes each third of them, --crop the middle of each. Numbers of the latent image are measured with the motion given and on the
-whole frame, so that no search blurs what they do. For each number FILE gets the mean gain over the cases, and the least of any frame,
-with the number halved and doubled, against what it is now. A mean that hardly changes is a flat optimum; one that rises says that the
-number was chosen on other cases than these.
+CASES holds a folder a case. A still has blurred.* and truth.* (PNG or JPEG), case.json and motion.csv; `corpus.py --keep CASES` writes
+such. A clip is as `rsvideo simulate --from-clip` makes it, and is restored with its shutter stated. CASES of clips are measured by the
+numbers of clips, others by those of stills. --every 3 takes each third of them, --crop the middle of each still. Numbers of the latent
+image are measured with the motion given and on the whole frame, so that no search blurs what they do. For each number FILE gets the mean
+gain over all frames, and the least change of any frame, with the number halved and doubled, against what it is now. A mean that hardly
+changes is a flat optimum; one that rises says that the number was chosen on other cases than these.
 """
 
 import argparse
 import contextlib
+import io
 import json
 import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -54,12 +57,43 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
     "nonblind.UNEXPLAINED",
     "nonblind.EXPLAINED",
 )
+OF_CLIPS = (  # the same, of what clips have besides: paths from points, trust, and neighbours
+    "camera_path.STIFFNESS",
+    "camera_path.LEAST_REACH",
+    "camera_path.END_ERROR",
+    "clip_motion.TRUST",
+    "clip_motion.BLURRED",
+    "clip_motion.PATH_ERROR",
+    "parallax.EXPLAINS",
+    "trust.OUT_OF_FOCUS",
+    "trust.IN_FOCUS",
+    "trust.REGION",
+    "fusion.RIDGE",
+    "fusion.DOUBT",
+    "fusion.FAINTEST",
+    "multi_frame.SHARP_ENOUGH",
+)
+CLIP = "clip.mp4"  # by which a case is one
 LATENT = "nonblind."  # the numbers that are measured with the motion given
 FACTORS = (0.5, 2.0)
 
 
-def gain(case: Path, motion: Motion, crop: Crop, number: str | None, factor: float, known: bool) -> float:
-    """dB by which a still is nearer to its truth than its blurred frame, with `number` times `factor`, and the motion given if `known`."""
+def gains_of(case: Path, motion: Motion, crop: Crop, number: str | None, factor: float, known: bool) -> list[float]:
+    """dB by which a still, or each frame of a clip, is nearer to its truth than it was, with `number` times `factor`.
+
+    A still's motion is given if it is `known`.
+    """
+    if (case / CLIP).exists():
+        from footage import rows_of
+
+        with scaled(number, factor), tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
+            [(_, gain)] = rows_of(case, ["stated"], Path(folder))
+        return gain.tolist()
+    return [gain_of_still(case, motion, crop, number, factor, known)]
+
+
+def gain_of_still(case: Path, motion: Motion, crop: Crop, number: str | None, factor: float, known: bool) -> float:
+    """The same of a still."""
     import rsvideo
     from rsvideo.physics.tone import Transfer, encode
     from rsvideo.report.metrics import psnr
@@ -107,7 +141,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
-    parser.add_argument("--only", default=",".join(NUMBERS), metavar="ROOM.NAME,...")
+    parser.add_argument("--only", metavar="ROOM.NAME,...")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--motion", choices=("rotation", "shift"), default="rotation")
     parser.add_argument("--crop", metavar="COLSxROWS")
@@ -119,19 +153,20 @@ def main() -> None:
     cases = sorted(path.parent for path in request.cases.glob("*/case.json"))[:: request.every]
     if not cases:
         sys.exit(f"{request.cases} must hold cases, NAME/case.json")
+    numbers = request.only.split(",") if request.only else OF_CLIPS if (cases[0] / CLIP).exists() else NUMBERS
     now: dict[bool, list[float]] = {}
     changes = []
     with ProcessPoolExecutor(request.jobs) as pool:
         measure = partial(gains, pool, cases, request.motion, crop)
-        for number in request.only.split(","):
+        for number in numbers:
             known = number.startswith(LATENT)
             if known not in now:
                 now[known] = measure(None, 1.0, known)
-            row: dict[str, object] = {"number": number, "gain_db": sum(now[known]) / len(cases)}
+            row: dict[str, object] = {"number": number, "gain_db": sum(now[known]) / len(now[known])}
             for factor, word in zip(FACTORS, ("halved", "doubled"), strict=True):
                 changed = measure(number, factor, known)
                 row |= {
-                    f"{word}_db": (sum(changed) - sum(now[known])) / len(cases),
+                    f"{word}_db": (sum(changed) - sum(now[known])) / len(changed),
                     f"{word}_least_db": min(a - b for a, b in zip(changed, now[known], strict=True)),
                 }
             changes.append(row)
@@ -142,8 +177,9 @@ def main() -> None:
 def gains(
     pool: ProcessPoolExecutor, cases: list[Path], motion: Motion, crop: Crop, number: str | None, factor: float, known: bool
 ) -> list[float]:
-    """Of all cases, in order."""
-    return list(pool.map(partial(gain, motion=motion, crop=crop, number=number, factor=factor, known=known), cases))
+    """Of all frames of all cases, in order."""
+    of = partial(gains_of, motion=motion, crop=crop, number=number, factor=factor, known=known)
+    return [gain for some in pool.map(of, cases) for gain in some]
 
 
 if __name__ == "__main__":
