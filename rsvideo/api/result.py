@@ -8,10 +8,9 @@ from jaxtyping import Float, Float32
 from rsvideo.api.trajectory import Trajectory
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics, turned
-from rsvideo.physics.psf import psf_from_trace
+from rsvideo.physics.psf import INSTANTS, psf_from_trace
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
-_INSTANTS = 400  # of one exposure, that a PSF is drawn from
 _GRID = (5, 7)  # PSFs down and across, unless chosen; as in the figures
 _MOST_POINTS = 1000  # PSFs down or across
 
@@ -94,7 +93,7 @@ class Result:
             Direction.RIGHT_TO_LEFT: self.camera.cols - 1 - x,
         }[self.timing.direction]
         opened = scanline[:, None] * self.timing.row_time
-        t = opened + (np.arange(_INSTANTS) + 0.5) / _INSTANTS * self.timing.exposure
+        t = opened + (np.arange(INSTANTS) + 0.5) / INSTANTS * self.timing.exposure
         at_x, at_y = (np.broadcast_to(part[:, None], t.shape) for part in (x, y))
         return -turned(self.camera, at_x, at_y, self.trajectory.curve.at(t))
 

@@ -3,6 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
+INSTANTS = 400  # of one exposure, that a PSF is drawn from
+
 
 def psf_from_trace(trace: Float[np.ndarray, "instants 2"], half: int) -> Float[np.ndarray, "side side"]:
     """The trace as light on pixels, each instant shared among the four nearest."""

@@ -12,13 +12,12 @@ from matplotlib.figure import Figure
 from rsvideo.config.sidecar import FrameRecord, Sidecar
 from rsvideo.config.yaml import shown
 from rsvideo.physics.camera import turned
-from rsvideo.physics.psf import psf_from_trace
+from rsvideo.physics.psf import INSTANTS, psf_from_trace
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 FORMATS = ("png", "pdf", "svg")
 _BLUE, _VERMILION, _GREEN, _GREY = "#0072B2", "#D55E00", "#009E73", "#8A8A8A"  # Okabe & Ito: apart for every eye
 _GRID = (5, 7)  # points across the shorter and the longer side
-_INSTANTS = 400  # samples of one exposure
 _ROOM = 1.1  # times a trace's reach, that its tile shows
 _LONGEST = 200  # px from the middle of a trace to its end; longer ones are drawn smaller
 _MOST_TITLE = 120  # characters
@@ -136,7 +135,7 @@ def _trace(point: Float[np.ndarray, "2"], sidecar: Sidecar, record: FrameRecord,
         Direction.LEFT_TO_RIGHT: point[0],
         Direction.RIGHT_TO_LEFT: camera.cols - 1 - point[0],
     }[timing.direction]
-    t = scanline * timing.row_time + (np.arange(_INSTANTS) + 0.5) / _INSTANTS * timing.exposure
+    t = scanline * timing.row_time + (np.arange(INSTANTS) + 0.5) / INSTANTS * timing.exposure
     x, y, roll = (np.interp(t, record.trajectory.t_s, column) for column in record.trajectory.poses().T)
     if camera.distortion:
         return -turned(camera.intrinsics, point[:1], point[1:], np.stack([x, y, roll], axis=1))

@@ -19,6 +19,7 @@ from numpy.polynomial import legendre
 
 from rsvideo import threads
 from rsvideo.physics.camera import Intrinsics, resampled_at
+from rsvideo.physics.luminance import LIFT
 from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.rectification import between, nodes
 
@@ -31,7 +32,6 @@ LEAST_OWN = 1e-3  # of the frame's own weight, where its data show nothing: some
 DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
 BENDS = 4  # terms along the rows of what is left between two frames' poses: each path's own error within its frame
 SOFT = 1.2  # px, of the Gaussian under which two frames are compared
-LIFT = 0.01  # linear light, beyond which two frames are compared by its square root
 EDGE = 8  # px beside the borders that are not compared
 LANCZOS = 4  # px from its place, the farthest pixel that a sample reads
 PLENTY = 200_000  # pixels, about as many as are compared

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from rsvideo import threads
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
+from rsvideo.physics.luminance import LIFT
 from rsvideo.physics.row_fourier import Extent, Grid, RowFourier, extent, row_fourier
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
@@ -37,7 +38,6 @@ OVERLAP = 24  # columns over which neighbouring tiles are blended; origin: by tr
 TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term; origin: by trial
 TV_AHEAD = 0.8  # of a step of what is completed, by which it is carried on: it takes half as many; below 1, or it does not settle
 TV_FLOOR = 1e-5  # added to the normal matrix, which keeps it positive definite where no scanline samples it
-LIFT = 0.01  # the denoiser works on sqrt(l + LIFT): codes weigh shadows as eyes do, and shot noise evens out
 COARSEST = 0.03  # the splitting's first denoising strength, linear light; five steps from 0.03 to 0.006 were good with BM3D
 COARSEST_NOISE = 3.0  # times the noise, which the first strength is at least; origin: by trial
 FINEST_NOISE = 1.25  # times the noise: the last strength; origin: by trial

@@ -13,14 +13,14 @@ from jaxtyping import Float
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.scanlines import View
 
-LONGEST = 60.0  # px of blur, beyond which a frame is solved for at half the resolution
-SMALLEST = 160  # px, the shorter side up to which it is not
+WHOLE_REACH = 60.0  # px of blur, beyond which a frame is solved for at half the resolution
+SMALLEST = 160  # px, the shorter side that half the resolution must have
 _HALF = 0.5, 0.5, 1.0  # of a pose: px, px and rad
 
 
 def too_long(view: View, length: float) -> bool:
     """Whether a blur of `length` px is solved for at half the resolution."""
-    return length > LONGEST and min(view.pixels.shape[:2]) >= 2 * SMALLEST
+    return length > WHOLE_REACH and min(view.pixels.shape[:2]) >= 2 * SMALLEST
 
 
 def halved(view: View) -> View:

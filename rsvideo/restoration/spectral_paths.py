@@ -18,7 +18,7 @@ from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
 LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
 LEAST_DROP = 0.08  # by which the spectra's misfit must be lower than at rest, for a frame not to count as sharp
 LARGEST_SIDE = 960  # px, of a scene that is searched; larger ones are halved
-LONGEST = 34.0  # px; of longer blurs the coarser resolution judges, in whose patches they have room
+PATCH_REACH = 34.0  # px; of longer blurs the coarser resolution judges, in whose patches they have room
 ALSO = 2  # paths of the other resolution are handed on
 TURN = 2.5  # px by which the ends of neighbouring ones lie apart, and at least
 FEWEST_TURNS = 6  # directions
@@ -99,7 +99,7 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
     levels = [level for level in searched if level.paths]
     if max((level.drop for level in levels), default=0.0) < LEAST_DROP:
         return searched[0].belief, []
-    if levels[0].drop < LEAST_DROP or min(level.length for level in levels) * scene.scale > LONGEST:
+    if levels[0].drop < LEAST_DROP or min(level.length for level in levels) * scene.scale > PATCH_REACH:
         levels.reverse()
     times, belief = np.linspace(*scene.camera.timing.interval, TIMES), levels[0].belief
     paths = [each.trajectory for each in levels[0].paths]

@@ -40,7 +40,7 @@ def codes(light: np.ndarray) -> np.ndarray:
 
 def test_a_long_blur_is_solved_for_at_half_the_resolution(view, shot, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = single_frame.restored(view, SETTINGS, path=PATH)
-    monkeypatch.setattr(resolution, "LONGEST", 12.0)
+    monkeypatch.setattr(resolution, "WHOLE_REACH", 12.0)
     monkeypatch.setattr(resolution, "SMALLEST", 80)
     assert resolution.too_long(view, 14.0)
     half = single_frame.restored(view, SETTINGS, path=PATH)
