@@ -263,6 +263,14 @@ def test_an_absurd_camera_is_told_in_one_line(photo, tmp_path, name, value, slip
     assert slip in refused(2, photo, "-o", tmp_path / "b.png", *words, "--shake")
 
 
+@pytest.mark.parametrize("name", ["exposure", "readout", "focal-px"])
+def test_what_nothing_states_of_the_camera_is_asked_for_by_name(photo, tmp_path, name):
+    timing = {"--exposure": "1/50", "--readout": "20ms", "--focal-px": "300"}
+    del timing[f"--{name}"]
+    words = [word for pair in timing.items() for word in pair]
+    assert f"{name} must be given to simulate" in refused(2, photo, "-o", tmp_path / "b.png", *words, "--shake")
+
+
 @pytest.mark.parametrize(
     ("log", "slip"), [("hello world", "line 1"), ("", "empty"), ("0 0 0 0\n5000000 200 0 0", "degrees"), (None, "exist")]
 )
