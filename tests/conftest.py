@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -21,6 +22,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 from tests import checked
 
 checked.install()
+
+settings.register_profile("whatever the machine", deadline=None)  # a busy one is no fault of the code
+settings.load_profile("whatever the machine")
 
 CHROMIUM = Path("/usr/bin/chromium")
 CHECKOUT = Path(__file__).resolve().parent.parent

@@ -91,6 +91,7 @@ def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored
     np.testing.assert_array_equal([result.latent for result in restored], written)
 
 
+@pytest.mark.slow
 def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndarray], motion: Path, tmp_path: Path) -> None:
     for k, frame in enumerate(codes[:3]):
         imageio.imwrite(tmp_path / f"{k:03}.png", frame)
@@ -103,6 +104,7 @@ def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndar
         assert [result.verdict for result in found] == [result.verdict for result in wanted]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("short_chunks")
 def test_a_clip_restored_along_its_track_is_the_same(codes: list[np.ndarray], restored: list[rsvideo.Result]) -> None:
     how = {"shutter": SHUTTER, "camera": CAMERA, "settings": QUICK, "rate": RATE}

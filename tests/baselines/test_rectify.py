@@ -138,6 +138,7 @@ def test_what_tracks_show_takes_more_than_two_thirds_of_the_wobble_away(directio
     assert np.sqrt(np.mean(now)) < np.sqrt(np.mean(before)) / 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("direction", "there", "velocity"),
     [(Direction.TOP_TO_BOTTOM, np.s_[:, 120:], [120.0, 0.0, 0.0]), (Direction.LEFT_TO_RIGHT, np.s_[72:], [0.0, 120.0, 0.0])],

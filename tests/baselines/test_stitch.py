@@ -46,6 +46,7 @@ def shutter(rows=ROWS, direction=Direction.TOP_TO_BOTTOM):
     return ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=rows, direction=direction)
 
 
+@pytest.mark.slow
 def test_one_block_is_the_uniform_method():
     pixels = taken(streak(4, 2))
     whole, one = (
@@ -82,6 +83,7 @@ def test_where_the_blur_turns_over_the_frame_blocks_gain_more_than_one_kernel():
     assert many.psfs.shape[:2] == (5, 1)
 
 
+@pytest.mark.slow
 def test_a_block_without_texture_takes_its_neighbours_kernel():
     image = scene()
     image[:60] = 0.5

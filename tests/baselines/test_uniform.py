@@ -58,6 +58,7 @@ def likeness(one, other):
     return max(float((s * other).sum() / np.linalg.norm(s) / np.linalg.norm(other)) for s in shifts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("channels", [3, 1], ids=["colour", "grey"])
 def test_the_kernel_is_the_path_and_the_picture_gains(channels):
     case = taken(scene=cards(200, 200, channels=channels))
@@ -100,6 +101,7 @@ def test_a_sharp_frame_and_one_without_texture_are_left_as_they_were():
         np.testing.assert_array_equal(result.latent, pixels)
 
 
+@pytest.mark.slow
 def test_a_kernel_that_touches_its_border_grows(monkeypatch):
     case = taken()
     large = uniform.restored(view(frame(case.blurred), shutter()), SETTINGS)

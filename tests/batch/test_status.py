@@ -96,6 +96,7 @@ def test_a_wish_of_an_earlier_run_does_not_hold_up_the_next(job: Path) -> None:
     assert call("run", job).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_is_not_alive(job: Path) -> None:
     with under_way("run", job, "--progress", "none", PACE=0.1) as run:
         until(job, a_chunk_is_done)

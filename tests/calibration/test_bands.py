@@ -76,6 +76,7 @@ def test_the_way_in_which_bands_wander_tells_the_direction(direction: Direction,
     assert found(*film(direction=direction, frames=frames)).direction is direction
 
 
+@pytest.mark.slow
 def test_bands_with_edges_are_counted_by_their_fundamental() -> None:
     for duty in (0.2, 0.5, 0.8):
         bands = found(*film(waves=0.5 * flicker.square(duty)))
@@ -117,6 +118,7 @@ def test_a_light_of_another_frequency_than_was_said_is_noticed(slip: float) -> N
         found(*film(), 1000.0 * slip)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hertz", "said", "fps"), [(120.0, 100.0, 25.0), (634.0, 1268.0, 50.0), (1000.0, 1001.0, FPS)])
 def test_a_light_that_is_said_almost_right_is_noticed_by_how_its_bands_wander(hertz: float, said: float, fps: float) -> None:
     clip = film(hertz=hertz, exposure=0.0003, readout=0.018, fps=fps, contrast=0.05)

@@ -100,6 +100,7 @@ def test_corners_of_a_tilted_board_lie_as_one_plane_is_corners(name: str) -> Non
         assert np.abs(cv2.perspectiveTransform(at[None], plane)[0] - corners.points).max() < 0.4
 
 
+@pytest.mark.slow
 def test_a_picture_without_a_board_has_none() -> None:
     noise = np.random.default_rng(0).integers(0, 256, (120, 160), dtype=np.uint8)
     for name in (CHESSBOARD, CHARUCO, GRID):

@@ -92,6 +92,7 @@ def test_errors_are_as_large_as_the_deviations_say() -> None:
     assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.4
 
 
+@pytest.mark.slow
 def test_a_view_that_weighs_nothing_changes_nothing() -> None:
     good = made("brown-conrady", 7)
     bad = replace(good[0], corners=replace(good[0].corners, points=good[0].corners.points + np.linspace(0, 3, 54)[:, None]), weight=1e-9)
@@ -123,6 +124,7 @@ def test_three_views_will_do_without_any_left_out() -> None:
     assert fit.lens.numbers[0] == pytest.approx(530, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["aprilgrid:5x4:24mm:0.3", "charuco:7x5:DICT_4X4_50:30mm:22mm"])
 def test_boards_of_tags_give_the_lens_though_parts_of_them_are_out_of_sight(name: str) -> None:
     board, found = parse(name), []
@@ -154,6 +156,7 @@ def test_a_board_that_is_not_what_it_should_be_is_told_and_its_shape_found() -> 
     assert (np.abs(free.lens.numbers[:4] - truth[:4]) < 4 * free.lens.std[:4]).all()
 
 
+@pytest.mark.slow
 def test_a_board_that_is_what_it_should_be_is_not_called_bent() -> None:
     fit = calibrate(made("brown-conrady", 9), model="brown-conrady")
     assert fit.left_out_if_bent is not None

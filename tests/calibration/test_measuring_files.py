@@ -83,6 +83,7 @@ def test_a_request_for_a_readout_that_cannot_be_meant_is_refused(wall: Path, opt
         calibration.readout(wall, **options)
 
 
+@pytest.mark.slow
 def test_a_lens_names_the_views_that_are_refused_and_says_how_far_it_is(views: Path) -> None:
     stages: list[Progress] = []
     found = calibration.lens(views, BOARD, model="brown-conrady", observer=stages.append)
@@ -99,6 +100,7 @@ def test_views_that_are_too_few_are_told_with_the_others_reasons(views: Path) ->
     assert [one.name for one in caught.value.refused] == ["empty.png"]
 
 
+@pytest.mark.slow
 def test_profiles_grow_part_by_part_and_are_not_replaced_unasked(wall: Path, tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     found = calibration.readout(wall, flicker=1000.0)

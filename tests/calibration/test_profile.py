@@ -22,6 +22,7 @@ def camera(**other) -> CameraProfile:
     return CameraProfile.model_validate(WHOLE | other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["png", "pdf", "svg"])
 def test_a_whole_profile_is_drawn(kind: str) -> None:
     assert len(profile_page.draw(camera(), kind)) > 5000

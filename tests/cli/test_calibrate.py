@@ -165,7 +165,7 @@ def test_a_profile_of_another_mode_is_not_added_to(views: Path, tmp_path: Path) 
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_damage_to_views_or_profiles_raises_what_is_not_told(views: Path, tmp_path: Path, data: st.DataObject) -> None:
     kind = data.draw(st.sampled_from(["png", "yaml", "json", "yml"]))

@@ -133,7 +133,7 @@ def test_a_file_beyond_the_limit_is_not_read(tmp_path: Path) -> None:
         yaml.load(written(tmp_path, "a: " + "x" * 300_000))
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.one_of(st.binary(max_size=200), st.text("abc:-[]{}&*!|>'\"#%@`,?\n \t0123.~\\", max_size=80).map(str.encode)))
 def test_no_file_raises_anything_but_a_fault(tmp_path: Path, data: bytes) -> None:
     path = written(tmp_path, data)

@@ -287,6 +287,7 @@ def test_a_chunk_that_begins_with_damage_holds_the_picture_before_it(tmp_path: P
         assert all(np.array_equal(a, b) for a, b in zip(one.planes, other.planes, strict=True)), one.index
 
 
+@pytest.mark.slow
 def test_progress_names_every_frame_and_ends_at_the_whole(moving: tuple[Moving, Path], tmp_path: Path) -> None:
     task = task_of(moving, tmp_path / "out.mkv", prior="tv", quality="draft", range=(0.0, 0.12))
     reports: list[Progress] = []

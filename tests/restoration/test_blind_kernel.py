@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -75,7 +75,6 @@ def test_the_latent_image_of_the_true_kernel_is_sharper_and_nearer():
     assert np.mean((latent - sharp) ** 2) < 0.2 * np.mean((image - sharp) ** 2)
 
 
-@settings(deadline=None)
 @given(KERNELS)
 def test_a_centred_kernel_is_the_same_of_sum_one_with_its_centroid_in_the_middle(kernel):
     once = centre(np.pad(kernel, len(kernel)))
@@ -99,7 +98,6 @@ def test_noise_and_pieces_apart_are_cleaned_away():
     np.testing.assert_allclose(clean(dirty, 0.05), true, atol=1e-6)
 
 
-@settings(deadline=None)
 @given(KERNELS)
 def test_a_clean_kernel_is_one_piece_without_noise_of_sum_one(kernel):
     k = clean(np.pad(kernel, len(kernel) // 2 + 1), 0.3)  # with room to be centred in

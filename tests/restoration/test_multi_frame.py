@@ -137,6 +137,7 @@ def in_focus(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(multi_frame, "trust", lambda scene, *_: np.ones(scene.frame.shape, np.float32))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_focus")
 def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.MonkeyPatch) -> None:
     moving, frames, found = with_a_stranger()
@@ -152,6 +153,7 @@ def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.Monkey
     assert np.abs(checked - unchecked)[apart].mean() < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("in_focus")
 def test_a_motion_that_was_given_is_followed_whatever_the_neighbours_show() -> None:
     moving, frames, found = with_a_stranger()

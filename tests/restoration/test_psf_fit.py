@@ -64,6 +64,7 @@ def test_the_path_is_found_back_and_overlapping_exposures_tell_its_sense_of_time
     assert all(e > 2 * found[0].energy for e in wrong)
 
 
+@pytest.mark.slow
 def test_candidates_are_distinct_and_come_best_first():
     found = fit(strips(path()), Camera(timing=ROLLING, intrinsics=CAMERA), degree=3, stiffness=COARSE, keep=4)
     assert [c.energy for c in found] == sorted(c.energy for c in found)
@@ -105,6 +106,7 @@ def test_a_strip_whose_kernel_failed_is_ignored():
     assert apart(found[0].trajectory, true) < 0.5
 
 
+@pytest.mark.slow
 def test_a_kernel_that_is_too_short_misleads_and_the_others_without_it_do_not():
     true = path()
     good = strips(true)

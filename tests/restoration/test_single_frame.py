@@ -202,6 +202,7 @@ def test_finer_motion_than_the_correction_is_kept():
     assert np.abs((result.trajectory.at(t) - true.at(t))[:, :2]).max() < 0.2
 
 
+@pytest.mark.slow
 def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkeypatch):
     camera, true = moved(0.3)
     candidates = initialise.candidates
@@ -215,6 +216,7 @@ def test_where_only_the_path_backwards_was_a_candidate_it_is_turned_round(monkey
     np.testing.assert_allclose(last.trajectory.coefficients[1], true.coefficients[1], atol=1)
 
 
+@pytest.mark.slow
 def test_a_path_that_leads_out_of_the_frame_is_not_followed(monkeypatch):
     camera, true = moved(0.3)
     candidates = initialise.candidates
@@ -242,6 +244,7 @@ def test_a_picture_out_of_focus_is_not_restored_along_a_path_that_it_does_not_sh
     assert judge(scene, moved) is Verdict.UNEXPLAINED
 
 
+@pytest.mark.slow
 def test_the_smallest_frames_can_be_restored():
     rng, timing = np.random.default_rng(0), ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=32)
     noise = cv2.GaussianBlur(rng.uniform(0, 1, (32, 32, 3)).astype(np.float32), (0, 0), 2)

@@ -108,6 +108,7 @@ def test_blur_is_dark_where_the_psf_of_a_scanline_is(scene: Scene) -> None:
     assert abs(np.exp(1j * (w[0] * q[:, 1] + w[1] * q[:, 0])).mean()) ** 2 == pytest.approx(direct, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_path_is_found_from_nothing_but_for_its_sign(scene: Scene) -> None:
     found = spectral_paths(scene, Settings())
     assert found is not None

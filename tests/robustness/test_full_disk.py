@@ -52,6 +52,7 @@ def survives(job: Path, whole: jobs.Files, chance: random.Random) -> int:
     return done.returncode
 
 
+@pytest.mark.slow
 def test_a_full_disk_leaves_whole_pairs_and_the_run_goes_on(small: Path, whole: jobs.Files) -> None:
     assert survives(small, whole, random.Random(1)) == 1
 
@@ -64,6 +65,7 @@ def test_disks_that_are_full_at_random_moments(
     record_property("code", survives(small, whole, random.Random(seed)))
 
 
+@pytest.mark.slow
 def test_files_that_may_not_grow_leave_whole_pairs(tmp_path: Path, whole: jobs.Files) -> None:
     def limited() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))

@@ -179,7 +179,7 @@ def test_each_profile_that_ships_is_sound_and_says_whence(name: str) -> None:
     assert not (facts.readout and shipped.mode.fps and facts.readout.value > 1.01 / shipped.mode.fps)
 
 
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, len(CAMERA) - 1), st.integers(0, 30), st.text("{}[]:-,0123456789abc.\n '\"&*!", max_size=12))
 def test_no_damage_to_a_profile_raises_anything_but_a_fault(tmp_path: Path, start: int, length: int, patch: str) -> None:
     path = tmp_path / "camera.yaml"

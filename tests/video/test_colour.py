@@ -187,7 +187,7 @@ def test_more_light_gives_higher_codes(layout: str) -> None:
     np.testing.assert_allclose(light(brighter, meaning)[0].mean(), 1.2 * pixels.mean(), rtol=0.02)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 1000), rows=st.integers(1, 9), cols=st.integers(1, 9), layout=st.sampled_from(LAYOUTS))
 def test_any_size_goes_through(seed: int, rows: int, cols: int, layout: str) -> None:
     original, meaning = noise(layout, seed, rows, cols), colour(layout)

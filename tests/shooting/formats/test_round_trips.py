@@ -209,7 +209,7 @@ def test_a_slip_in_another_programs_file_is_told(tmp_path: Path, form: str, old:
 
 
 @pytest.mark.parametrize("form", ENDING)
-@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_no_damage_to_a_file_raises_anything_but_a_fault(tmp_path: Path, form: str, data: st.DataObject) -> None:
     text = profiles.encode(camera(), form)[0].decode()
