@@ -85,9 +85,10 @@ def prepared(stated: Stated, stored: Stored) -> Prepared:
     _check_complete(stated.shutter, taken, stored.name)
     request = _request(Path(stored.name), replace(stated, motion=Path("given") if stated.moved else None))
     devices.check(request)
+    settings = prepare.settings_of(request.motion, request.deblur)
     shutter, lens, notes = prepare.taken_by(request, taken)
     return Prepared(
-        treatment=prepare.treatment(request, shutter, _bent(stated, lens)),
+        treatment=prepare.treatment(request, settings, shutter, _bent(stated, lens)),
         transfer=taken.profile.tone if taken.profile else None,
         saturation=taken.profile.saturation if taken.profile else None,
         notes=(*taken.notes, *shutter.notes, *notes),

@@ -89,12 +89,8 @@ class Task:
     @property
     def treatment(self) -> Treatment:
         """What is done to the frames."""
-        return replace(
-            treatment(self.request, self.shutter, self.camera),
-            settings=self.settings,
-            gyro=self.gyro,
-            exposure_spread=self._exposure_spread,
-        )
+        taken = treatment(self.request, self.settings, self.shutter, self.camera)
+        return replace(taken, gyro=self.gyro, exposure_spread=self._exposure_spread)
 
     @property
     def _exposure_spread(self) -> float | None:
@@ -139,7 +135,7 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
     first, last, encoding, written = _frames_and_encoding(request, opened)
     request, opened = _measured(request, opened, first, last)
     shutter, camera, lens_notes = taken_by(request, opened)
-    wanted = treatment(request, shutter, camera)
+    wanted = treatment(request, settings_of(request.motion, request.deblur), shutter, camera)
     gyro = _gyro(request, opened, (first, last), wanted.camera, wanted.settings)
     if gyro:  # which need not be looked for again
         request = request.replaced(motion={"gyro_offset": gyro.offset, "gyro_axes": gyro.axes})
@@ -275,11 +271,11 @@ def _frames_and_encoding(request: Request, opened: Opened) -> "tuple[int, int, E
     return first, last, encoding, notes
 
 
-def treatment(request: Request, shutter: timing.Resolved, camera: sidecar.Camera) -> Treatment:
-    """What a request says is done to pictures that were taken so."""
+def treatment(request: Request, settings: Settings, shutter: timing.Resolved, camera: sidecar.Camera) -> Treatment:
+    """What a request says is done, by its settings, to pictures that were taken so."""
     return Treatment(
         method=request.deblur.method,
-        settings=settings_of(request.motion, request.deblur),
+        settings=settings,
         block_rows=request.deblur.block_rows,
         gyro=None,
         camera=physics.Camera(timing=shutter.timing, intrinsics=camera.intrinsics, noise=camera.sensor_noise),
