@@ -38,6 +38,7 @@ class Optics:
     focal: float | None  # px; this or lens
     lens: Intrinsics | None  # in the profile's own pixels
     noise: Noise
+    sigma: float | None  # its standard deviation at half of white, of which it was made; None where it is the profile's
 
     def stage(
         self, scene: tuple[int, int], motion: staging.Motion, *, frame: tuple[int, int] | None, roll: bool = True, blur: float | None
@@ -96,7 +97,9 @@ def prepare(source: Path, simulation: Simulation, output: Path, *, overwrite: bo
     size = frame.size and (frame.size[1], frame.size[0])
     stage = chosen.stage(photo.pixels.shape[:2], moved, frame=size, roll=roll, blur=motion.blur_px)
     words = {"source": source.name, "motion": motion_words, "roll": roll, "transfer": photo.transfer.value}
-    words |= _noise_words(simulation, chosen.noise)
+    noise = chosen.noise
+    words |= {"noise": {"read": noise.read, "shot": noise.shot}} if chosen.sigma is None else {"noise_sigma_linear": chosen.sigma}
+    words |= {"camera": simulation.camera.profile} if simulation.camera.profile else {}
     return Plan(files=files, kinds=kinds, photo=photo, optics=chosen, stage=stage, simulation=simulation, words=words)
 
 
@@ -154,6 +157,8 @@ def optics(camera: request.Camera, noise: float | None) -> Optics:
     if camera.focal_px is None and lens is None:
         lacking = f"{facts.profile} has no intrinsics" if facts else "or a profile that holds the lens"
         raise ValueError(f"focal-px must be given to simulate, {lacking}")
+    by_profile = facts.noise if facts and noise is None else None
+    sigma = None if by_profile else USUAL_NOISE if noise is None else noise
     stated = facts.direction.value if facts and facts.direction else Direction.TOP_TO_BOTTOM
     return Optics(
         exposure=camera.exposure,
@@ -162,7 +167,8 @@ def optics(camera: request.Camera, noise: float | None) -> Optics:
         direction=camera.direction or stated,
         focal=camera.focal_px,
         lens=lens,
-        noise=facts.noise if facts and facts.noise and noise is None else Noise.at_half(USUAL_NOISE if noise is None else noise),
+        noise=by_profile or Noise.at_half(sigma or 0.0),
+        sigma=sigma,
     )
 
 
@@ -190,15 +196,6 @@ def _files(
     read = [source, *(Path(each) for each in named if each is not None)]
     placing.check(files, [each for each in read if each.is_file()], overwrite=overwrite)
     return files, kinds
-
-
-def _noise_words(simulation: Simulation, noise: Noise) -> dict[str, object]:
-    """Of the camera's noise and name, for case.json."""
-    camera, sigma = simulation.camera, simulation.grain.noise
-    sigma = USUAL_NOISE if sigma is None else sigma
-    of_profile = noise != Noise.at_half(sigma)
-    words: dict[str, object] = {"noise": {"read": noise.read, "shot": noise.shot}} if of_profile else {"noise_sigma_linear": sigma}
-    return words | ({"camera": camera.profile} if camera.profile else {})
 
 
 def _moved(motion: Motion, seed: int) -> tuple[staging.Motion, dict[str, object]]:
