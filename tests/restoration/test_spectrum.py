@@ -10,6 +10,7 @@ from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, fit, path_error
+from rsvideo.restoration import spectrum as spectrum_room
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import mirrored, spectral_paths, turns
@@ -83,6 +84,16 @@ def test_the_true_path_explains_the_spectra_best(scene: Scene, other: float | st
     wrong = across(PATH) if isinstance(other, str) else PATH.with_coefficients(other * PATH.coefficients)
     spectrum = spectrum_of(scene)
     assert spectrum.value(PATH) < spectrum.value(wrong) - 0.02
+
+
+@pytest.mark.parametrize("number", ["BELIEF", "FALL", "DIRECTED"])
+def test_what_is_believed_of_the_scene_is_read_when_a_misfit_is_asked_for(
+    scene: Scene, number: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spectrum = spectrum_of(scene)
+    before = spectrum.value(PATH)
+    monkeypatch.setattr(spectrum_room, number, 0.5 * getattr(spectrum_room, number))  # tests/benchmarks/sensitivity.py does so
+    assert spectrum.value(PATH) != before
 
 
 def test_at_half_the_resolution_the_same_path_is_the_best(scene: Scene) -> None:
