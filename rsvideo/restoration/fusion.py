@@ -100,9 +100,11 @@ def fused(
             agreement = np.asarray(there * np.exp(-misfit(image) / limit), np.float32)
             explained, shown = np.maximum(explained, agreement), shown | there
             weight = np.float32(other.weight) * agreement
-            total += weight[..., None] * image
+            image *= weight[..., None]
+            total += image
             weights += weight
-    latent = frame.towards(total / weights[..., None], RIDGE)
+    total /= weights[..., None]
+    latent = frame.towards(total, RIDGE)
     explained = np.where(shown, explained, np.float32(1))
     return Fused(latent=latent, explained=explained, support=np.minimum(weights / np.float32(first.weight), 1))
 
@@ -123,7 +125,9 @@ def _at_pose(
     image = _sampled(other.latent, at, cv2.INTER_LANCZOS4)
     inside = np.asarray(((at >= LANCZOS) & (at <= np.array([cols, rows], np.float32) - 1 - LANCZOS)).all(axis=-1), np.uint8)
     there = cv2.erode(inside, np.ones((PATCH, PATCH)), borderValue=0) > 0
-    return np.where(there[..., None], np.clip(image, 0, 1), first.latent), there
+    np.clip(image, 0, 1, out=image)
+    np.copyto(image, first.latent, where=~there[..., None])
+    return image, there
 
 
 def _soft(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
