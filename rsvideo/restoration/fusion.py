@@ -122,9 +122,10 @@ def _at_pose(
     x, y = np.meshgrid(columns.astype(float), np.arange(rows, dtype=float))
     at = resampled_at(intrinsics, first.pose - other.pose, x, y)
     at = between((at + _misaligned(soft, _soft(other.latent), at, columns)).astype(np.float32), columns)
-    image = _sampled(other.latent, at, cv2.INTER_LANCZOS4)
     inside = np.asarray(((at >= LANCZOS) & (at <= np.array([cols, rows], np.float32) - 1 - LANCZOS)).all(axis=-1), np.uint8)
     there = cv2.erode(inside, np.ones((PATCH, PATCH)), borderValue=0) > 0
+    at = _axes(at)  # the image takes the memory of what it is made from
+    image = _sampled(other.latent, at, cv2.INTER_LANCZOS4)
     np.clip(image, 0, 1, out=image)
     np.copyto(image, first.latent, where=~there[..., None])
     return image, there
@@ -134,10 +135,13 @@ def _soft(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "
     return cv2.GaussianBlur(np.sqrt(np.maximum(_grey(image), 0) + LIFT), (0, 0), SOFT)
 
 
-def _sampled(image: np.ndarray, at: Float[np.ndarray, "rows cols 2"], how: int) -> np.ndarray:
-    x, y = (np.ascontiguousarray(at[..., axis], np.float32) for axis in (0, 1))
-    shown = cv2.remap(image, x, y, how, borderMode=cv2.BORDER_REPLICATE)
-    return shown.reshape(*at.shape[:2], *image.shape[2:])  # which OpenCV takes from a grey one
+def _axes(at: Float[np.ndarray, "rows cols 2"]) -> Float[np.ndarray, "2 rows cols"]:
+    return np.ascontiguousarray(np.moveaxis(at, -1, 0), np.float32)
+
+
+def _sampled(image: np.ndarray, at: Float[np.ndarray, "2 rows cols"], how: int) -> np.ndarray:
+    shown = cv2.remap(image, at[0], at[1], how, borderMode=cv2.BORDER_REPLICATE)
+    return shown.reshape(*at.shape[1:], *image.shape[2:])  # which OpenCV takes from a grey one
 
 
 def _misaligned(
@@ -162,7 +166,7 @@ def _misaligned(
         return constant[:, None] + changing[:, None] * side[:, None]
 
     for _ in range(STEPS):
-        place = start + moved(p, wide)
+        place = _axes(start + moved(p, wide))
         gx, gy, sampled = (_sampled(image, place, cv2.INTER_LINEAR) for image in (*gradients, other))
         apart = observed - sampled
         weight = 1 / (1 + (apart / (OUTLIER * np.median(np.abs(apart)) + _LEAST_DIFFERENCE)) ** 2)
