@@ -1,0 +1,27 @@
+"""Benchmarks name what they measure by the names that the code has today."""
+
+import runpy
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).resolve().parent / "benchmarks"
+SENSITIVITY = runpy.run_path(str(BENCHMARKS / "sensitivity.py"))
+
+
+@pytest.mark.parametrize("number", [*SENSITIVITY["NUMBERS"], *SENSITIVITY["OF_CLIPS"]])
+def test_a_number_that_is_halved_and_doubled_is_one_of_its_room(number: str) -> None:
+    room, name = number.split(".")
+    assert isinstance(getattr(import_module(f"rsvideo.restoration.{room}"), name), int | float)
+
+
+@pytest.mark.slow
+def test_the_stages_of_a_photograph_and_of_a_clip_are_timed() -> None:
+    command = [sys.executable, BENCHMARKS / "stages.py", "--sizes", "160x120", "--blur", "4", "--frames", "3"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "160 x 120, a photograph" in done.stdout
+    assert "160 x 120, a frame of a clip" in done.stdout
