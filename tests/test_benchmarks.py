@@ -18,6 +18,13 @@ def test_a_number_that_is_halved_and_doubled_is_one_of_its_room(number: str) -> 
     assert isinstance(getattr(import_module(f"rsvideo.restoration.{room}"), name), int | float)
 
 
+@pytest.mark.parametrize("number", [*SENSITIVITY["NUMBERS"], *SENSITIVITY["OF_CLIPS"]])
+def test_no_compiled_loop_reads_a_number_that_is_halved_and_doubled(number: str) -> None:
+    room, name = number.split(".")
+    compiled = [each for each in vars(import_module(f"rsvideo.restoration.{room}")).values() if hasattr(each, "py_func")]
+    assert not [each for each in compiled if name in each.py_func.__code__.co_names]  # numba keeps the value that it compiled
+
+
 @pytest.mark.slow
 def test_the_stages_of_a_photograph_and_of_a_clip_are_timed() -> None:
     command = [sys.executable, BENCHMARKS / "stages.py", "--sizes", "160x120", "--blur", "4", "--frames", "3"]
