@@ -158,7 +158,7 @@ def optics(camera: request.Camera, noise: float | None) -> Optics:
         lacking = f"{facts.profile} has no intrinsics" if facts else "or a profile that holds the lens"
         raise ValueError(f"focal-px must be given to simulate, {lacking}")
     by_profile = facts.noise if facts and noise is None else None
-    sigma = None if by_profile else USUAL_NOISE if noise is None else noise
+    sigma = USUAL_NOISE if noise is None else noise
     stated = facts.direction.value if facts and facts.direction else Direction.TOP_TO_BOTTOM
     return Optics(
         exposure=camera.exposure,
@@ -167,8 +167,8 @@ def optics(camera: request.Camera, noise: float | None) -> Optics:
         direction=camera.direction or stated,
         focal=camera.focal_px,
         lens=lens,
-        noise=by_profile or Noise.at_half(sigma or 0.0),
-        sigma=sigma,
+        noise=by_profile or Noise.at_half(sigma),
+        sigma=None if by_profile else sigma,
     )
 
 
