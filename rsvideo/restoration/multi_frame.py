@@ -16,7 +16,6 @@ from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.movement import Evidence, Movement
-from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import mixed, rectified
 from rsvideo.restoration.resolution import too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
@@ -38,20 +37,19 @@ class _Waiting:
     """A frame restored by itself, until its neighbours are there too."""
 
     restored: Restored | None = None  # None once it is done
-    flow: Flow | None = None
+    evidence: Evidence | None = None  # None of a motion that was given, which is followed whatever the neighbours show
     image: PosedImage | None = None  # None where it cannot serve others, nor they it
-    straight: Float[np.ndarray, "rows cols channels"] | None = None  # the frame rectified, shown where the restoration is not trusted
+    moved: float = 1.0  # as in `_Judged`
     share: Float[np.ndarray, "..."] | float = 1.0  # of the restoration in what is shown, of all pixels or (rows, cols, 1)
     own: Float[np.ndarray, "rows cols"] | None = None  # of the restoration, the share that the frame's own data grant; None: all of it
-    given: bool = False  # a motion that was not estimated, which is followed whatever the neighbours show
     noise: float = 0.0  # of the frame, as its blur's model leaves it
     draft: bool = False  # whether the image is one
 
     def mixed(self, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
-        """The restoration as far as it is trusted."""
-        assert self.straight is not None
+        """The restoration as far as it is trusted, else the frame rectified, which is made anew: to keep it would take more memory."""
+        assert self.restored is not None
         share = np.float32(self.share) if self.own is None else np.float32(self.share) * self.own[..., None]
-        return mixed(self.straight, latent, share)
+        return mixed(_straight(self.restored.view, self.restored.trajectory, self.evidence, self.moved), latent, share)
 
 
 def restored(
@@ -140,35 +138,39 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
     """The frame restored by itself, along its path; as a `draft` where its neighbours are to help."""
     started = time.monotonic()
     judged = _judged(view, path, evidence, settings)
-    verdict, length, moved = judged.verdict, judged.length, np.float32(judged.moved)
+    verdict, length, moved = judged.verdict, judged.length, judged.moved
     left = Restored(view=view, trajectory=path, latent=view.pixels, verdict=verdict, seconds=0.0)
     if verdict is Verdict.UNEXPLAINED:
         return _Waiting(restored=left)
     if verdict is Verdict.SHARP:
         return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
-    straight, flow = view.pixels, evidence and evidence.flow
-    if evidence:
-        followed = path.with_coefficients(evidence.certainty * path.coefficients)
-        straight = view.pixels + moved * (rectified(view, followed, flow=flow).pixels - view.pixels)
     if verdict.straightened:
+        straight = _straight(view, path, evidence, moved)
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
     noise = single_frame.model_noise(view, evidence.error if evidence else 0.0)
     draft = draft and settings.splittings > 0 and not too_long(view, length)
     how = replace(settings, quality="draft") if draft else settings
-    alone = single_frame.restored(view, how, path=path, noise=noise, flow=flow, coverage=evidence is not None)
+    alone = single_frame.restored(view, how, path=path, noise=noise, flow=evidence and evidence.flow, coverage=evidence is not None)
     waiting = _Waiting(
         restored=alone,
-        flow=flow,
-        straight=straight,
-        share=np.asarray(moved * judged.share, np.float16),
+        evidence=evidence,
+        moved=moved,
+        share=np.asarray(np.float32(moved) * judged.share, np.float16),
         own=None if alone.covered is None else observed(alone.covered).astype(np.float16),
-        given=evidence is None,
         noise=noise,
         draft=draft,
     )
     image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, latent=image.latent, covered=None, seconds=time.monotonic() - started), image=image)
+
+
+def _straight(view: View, path: Trajectory, evidence: Evidence | None, moved: float) -> Float[np.ndarray, "rows cols channels"]:
+    """The frame rectified, as far as its path is certain and as it moves; along a path that was given it is restored only."""
+    if not evidence:
+        return view.pixels
+    followed = path.with_coefficients(evidence.certainty * path.coefficients)
+    return view.pixels + np.float32(moved) * (rectified(view, followed, flow=evidence.flow).pixels - view.pixels)
 
 
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
@@ -178,15 +180,16 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
     if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
     started, view = time.monotonic(), alone.view
+    flow = waiting.evidence and waiting.evidence.flow
     others = [] if too_long(view, image.length) else helpful(image, others)
     if others:
-        frame = tiled_frame(view, alone.trajectory, settings, waiting.flow)
+        frame = tiled_frame(view, alone.trajectory, settings, flow)
         both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own)
         latent = nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent
-        if not waiting.given:
+        if waiting.evidence:
             waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None], own=both.support)
     elif waiting.draft:
-        latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=waiting.flow).latent
+        latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent
     else:
         return alone
     return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)
