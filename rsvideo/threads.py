@@ -66,6 +66,11 @@ def spread(loop: Callable[..., None], count: int, *arguments: Any, size: float =
         helper.result()
 
 
+def begun(call: Callable[[], _Result]) -> "Future[_Result]":
+    """What a call will have answered that goes on beside its caller."""
+    return _crew().submit(call)
+
+
 def each(call: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Result]:
     """What a call answers to each item, side by side; loops that it spreads stay in its thread."""
     wanted = list(items)

@@ -1,9 +1,12 @@
-"""Memory that is freed serves the next array."""
+"""Memory that is freed serves the next array; garbage is not looked for while libraries are loaded."""
 
+import gc
 import subprocess
 import sys
 
 import pytest
+
+from rsvideo.allocation import nothing_collected
 
 FAULTS = """
 import resource, sys
@@ -26,3 +29,9 @@ def test_arrays_made_again_and_again_touch_no_new_pages() -> None:
         for how in ("given back", "kept")
     )
     assert kept < given_back / 10
+
+
+def test_garbage_is_looked_for_again_once_libraries_are_loaded() -> None:
+    with nothing_collected():
+        assert not gc.isenabled()
+    assert gc.isenabled()

@@ -55,6 +55,14 @@ def test_calls_answer_in_order(count: int) -> None:
     assert threads.each(lambda k: k * k, range(20)) == [k * k for k in range(20)]
 
 
+def test_a_call_goes_on_beside_its_caller(count: int) -> None:
+    here, there = threading.Event(), threading.Event()
+    answer = threads.begun(lambda: there.set() or here.wait(10))
+    assert there.wait(10)
+    here.set()
+    assert answer.result()
+
+
 def test_a_loop_within_a_call_stays_in_its_thread(count: int) -> None:
     def idents(_: int) -> tuple[int, set[int]]:
         inner = set[int]()

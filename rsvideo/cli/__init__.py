@@ -3,6 +3,7 @@
 Nothing heavy is imported here: each command loads what it needs when it is called.
 """
 
+import gc
 import os
 import sys
 from typing import Annotated
@@ -74,4 +75,5 @@ def main() -> None:
             raise
         code, line = exit_codes.code_and_line(error)
         terminal.last_words(line)
+    gc.freeze()  # else Python looks at its end once more for what nothing refers to, which takes 0.3 s
     sys.exit(code)

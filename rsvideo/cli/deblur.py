@@ -58,10 +58,13 @@ def deblur(
 
 def _carry_out(request: "Request", piped: "Stream | None", *, json: bool) -> None:
     """Restore, write, and report what was done."""
+    from rsvideo.allocation import nothing_collected
     from rsvideo.cli import quiet
     from rsvideo.cli.progress import progress_bar
-    from rsvideo.pipeline import demand
-    from rsvideo.pipeline.prepare import prepare
+
+    with nothing_collected():
+        from rsvideo.pipeline import demand
+        from rsvideo.pipeline.prepare import prepare
 
     out = pipes.standard_output() if media.is_pipe(request.output) else None
     with quiet.c_libraries():

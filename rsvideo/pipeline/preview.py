@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from rsvideo import threads
 from rsvideo.config import sidecar
 from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
@@ -29,6 +30,7 @@ from rsvideo.restoration.movement import Movement
 from rsvideo.shooting import given_motion
 from rsvideo.stills.codes import Codes
 from rsvideo.stills.still import Format
+from rsvideo.video import colour
 
 HALVED = 400  # px of the shorter side, from which on a preview is of half the size
 AROUND, FEWER_AROUND = 2, 1  # frames before and behind, that the motion is found with; at half size
@@ -157,7 +159,9 @@ def _decoded(shown: Task, task: Task, first: int, last: int) -> list[Frame]:
     stamp = task.request.source.stat().st_mtime_ns if task.request.source.is_file() else 0
     key = (task.request.source, stamp, repr(task.stream.colour), task.request.input, first, last, shown.rows, shown.cols)
     if key not in _KEPT:
-        pictures = clip_frames.pictures(task, first, last)
+        loaded = threads.begun(lambda: colour.load(task.stream.colour))  # while pictures are decoded
+        pictures = list(clip_frames.pictures(task, first, last))
+        loaded.result()
         held = [_resized(clip_frames.frame(task.stream.colour, picture), shown) for picture in pictures]
         while len(_KEPT) >= _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]

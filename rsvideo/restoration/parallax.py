@@ -17,8 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy import linalg
 from scipy.spatial.distance import cdist
 
+from rsvideo import threads
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import ShutterTiming
@@ -119,12 +121,13 @@ def flows(frames: Sequence[Points], longer: int) -> list[Flow | None]:
     if not shown:
         return [None] * len(frames)
     probes = [few[k] for k in np.unique(np.array(shown)[np.linspace(0, len(shown) - 1, PROBES).round().astype(int)])]
-    best, chosen = EXPLAINS * sum(_missed(points.moved, points) for points in probes), None
-    for speed, share in itertools.product(SPEEDS, LENGTHS):
-        missed = sum(_missed(_solved(points, speed, share * longer)[1], points) for points in probes)
-        if missed < best:
-            best, chosen = missed, (speed, share * longer)
-    return [None if chosen is None or k not in shown else _solved(points, *chosen)[0] for k, points in enumerate(few)]
+    tried = [(speed, share * longer) for speed, share in itertools.product(SPEEDS, LENGTHS)]
+    missed = [sum(_missed(_solved(points, *how)[1], points) for points in probes) for how in tried]
+    best = int(np.argmin(missed))
+    if missed[best] >= EXPLAINS * sum(_missed(points.moved, points) for points in probes):
+        return [None] * len(frames)
+    found = dict(zip(shown, threads.each(lambda k: _solved(few[k], *tried[best])[0], shown), strict=True))
+    return [found.get(k) for k in range(len(frames))]
 
 
 def _solved(points: Points, speed: float, length: float) -> tuple[Flow, Float[np.ndarray, "points 2"]]:
@@ -136,7 +139,7 @@ def _solved(points: Points, speed: float, length: float) -> tuple[Flow, Float[np
     for _ in range(_ROUNDS):
         size = np.linalg.norm(off, axis=1)
         doubt = 1 + (size / (_OUTLIER * _scale(size))) ** 2  # 1 / w
-        inverse = np.linalg.inv(signal + np.diag(TRACKED**2 * doubt))
+        inverse = linalg.inv(signal + np.diag(TRACKED**2 * doubt), assume_a="pos", check_finite=False)
         solved = inverse @ points.moved
         off = solved / np.diag(inverse)[:, None]
     return Flow(points=points.at, weights=(speed / typical) ** 2 * points.elapsed[:, None] * solved, length=length), off

@@ -36,6 +36,12 @@ def light(picture: Picture, colour: Colour) -> tuple[Light, Bool[np.ndarray, "ro
     return _linear(primed, colour), _clipped(primed, colour)
 
 
+def load(colour: Colour) -> None:
+    """Make tables and compiled code ready for `light`, which takes the first of them a third of a second."""
+    if not colour.floating:
+        _linear(np.zeros((1, 1, 1), np.float32), colour)
+
+
 def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
     """`picture` with its light replaced by `pixels`; exactly itself where they are its own light."""
     before = light(picture, colour)[0]
