@@ -99,29 +99,36 @@ def _as_they_came(task: Task, chunk: Chunk, observe: Observer) -> Iterator[tuple
 
 def _worked_on(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> Iterator[tuple[Picture, FrameRecord]]:
     """The chunk's pictures as they are shown, and what became of each."""
-    pictures = list(clip_frames.pictures(task, *in_view(chunk, task.last)))
+    seen = clip_frames.pictures(task, *in_view(chunk, task.last))
     if task.request.deblur.method.steadied:
-        pictures = _steadied(task, pictures, folder)
-    how = task.treatment, chunk, pictures, task.stream.colour, task.request.motion.trajectory, observe
-    for picture, result, to_next in treated(*how):
+        seen = iter(_steadied(task, list(seen), folder))
+    for picture, result, to_next in treated(task.treatment, chunk, seen, task.stream.colour, task.request.motion.trajectory, observe):
         yield picture, output.frame_record(result, to_next)
 
 
 def treated(
-    treatment: Treatment, chunk: Chunk, pictures: Sequence[Picture], meaning: Colour, given: Path | None, observe: Observer
+    treatment: Treatment, chunk: Chunk, pictures: Iterable[Picture], meaning: Colour, given: Path | None, observe: Observer
 ) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
     """The chunk's own among the pictures in view as they are shown, and what `restored` answers of them."""
-    moving = movement(treatment, pictures, meaning, given, observe)
-    for picture, result, to_next in restored(treatment, chunk, pictures, meaning, moving, observe):
+    held = list(pictures)
+    moving = movement(treatment, held, meaning, given, observe)
+    answers = restored(treatment, chunk, held, meaning, moving, observe)
+    del held
+    for picture, result, to_next in answers:
         yield colour.codes(result.latent, picture, meaning) if result.verdict.changed else picture, result, to_next
 
 
 def restored(
     treatment: Treatment, chunk: Chunk, pictures: Sequence[Picture], meaning: Colour, moving: Movement, observe: Observer
 ) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
-    """The chunk's own among the pictures in view, what becomes of each, and the step from its pose to the next one's."""
+    """The chunk's own among the pictures in view, what becomes of each, and the step from its pose to the next one's.
+
+    None is kept longer than it is needed: those of a chunk take as much memory as a frame's restoration.
+    """
     wanted, moving = own(chunk, pictures, moving)
-    for k, (picture, result) in enumerate(zip(wanted, _results(treatment, wanted, meaning, moving, observe), strict=True)):
+    del pictures
+    for k, result in enumerate(_results(treatment, wanted, meaning, moving, observe)):
+        picture, wanted[k] = wanted[k], replace(wanted[k], planes=())
         yield picture, result, moving.steps[k] if moving.tied[k] else None
 
 

@@ -3,6 +3,7 @@
 import errno
 import json
 import tracemalloc
+import weakref
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -18,14 +19,14 @@ from rsvideo.config.request import Request, option_fields
 from rsvideo.frame import Verdict
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
-from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, planned, work
+from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, planned, treated, work
 from rsvideo.pipeline.clip import carry_out, finish
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome, frame_records
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import Progress
 from rsvideo.video import decode, vidstab
 from rsvideo.video import planes as zipped
-from rsvideo.video.stream import Stream
+from rsvideo.video.stream import Picture, Stream
 from tests.pipeline.moving import Moving, encode, luma, planes
 from tests.video.clips import make, packets, still
 from tests.video.test_decode import in_the_middle
@@ -104,6 +105,24 @@ def test_chunks_depend_on_the_clip_alone(tmp_path: Path) -> None:
     one = chunks(prepare(asked(source, tmp_path / "out.mkv", **KNOWN)))
     other = chunks(prepare(asked(source, tmp_path / "elsewhere" / "b.mp4", **KNOWN, codec="h264", path="smooth")))
     assert one == other
+
+
+def test_a_picture_is_let_go_once_it_is_shown(tmp_path: Path) -> None:
+    task = prepare(asked(joined_scenes(tmp_path / "in.mkv", (9,)), tmp_path / "out.mkv", **KNOWN))
+    (chunk,) = chunks(task)
+    held: list[weakref.ref[Picture]] = []
+
+    def seen() -> Iterator[Picture]:
+        for picture in decode.pictures(task.stream):
+            held.append(weakref.ref(picture))
+            yield picture
+
+    left = []
+    for picture, _, _ in treated(task.treatment, chunk, seen(), task.stream.colour, None, silent):
+        assert picture.index == len(left)
+        del picture
+        left.append(sum(ref() is not None for ref in held))
+    assert left == list(range(9, 0, -1))  # the one that is shown is held until the next one is
 
 
 def test_chunks_that_do_not_hold_every_frame_once_make_no_clip(tmp_path: Path) -> None:
