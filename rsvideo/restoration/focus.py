@@ -43,11 +43,11 @@ def focus_value(scene: Scene, path: Trajectory) -> float:
     )
 
 
-def focus_map(scene: Scene, path: Trajectory, size: float) -> Float[np.ndarray, "rows cols"]:
-    """s(theta) of the `size` px about each pixel; 0 where there is no texture to tell by."""
+def focus_map(scene: Scene, path: Trajectory, size: float) -> tuple[Float[np.ndarray, "rows cols"], float]:
+    """s(theta) of the `size` px about each pixel, 0 where there is no texture to tell by; and of the whole frame."""
     total = counted = np.zeros(scene.frame.shape, np.float32)
     for factor, weight in _TERMS:
         value, counted = sparsity.density(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
         total = total + np.float32(weight) * value
     local = [cv2.GaussianBlur(image, (0, 0), size / 2) for image in (total, counted)]
-    return local[0] / np.maximum(local[1], 1e-6)
+    return local[0] / np.maximum(local[1], 1e-6), float(total.sum() / max(counted.sum(), 1e-6))

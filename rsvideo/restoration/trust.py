@@ -21,6 +21,7 @@ from rsvideo.restoration.verdict import across
 
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
 OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
+FRAME_DOUBT = 1e-3  # s of a whole frame: above, it is restored in full, below the opposite not at all; chosen on scenes of several depths
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
@@ -63,8 +64,9 @@ def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "r
     if length <= SHORT:
         return np.zeros((rows, cols), np.float32)
     scene = reduced(scene, length)
-    focus = focus_map(scene, path, REGION * min(scene.frame.shape))
+    focus, whole = focus_map(scene, path, REGION * min(scene.frame.shape))
     share = np.clip((focus - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
+    share *= np.clip(0.5 + whole / (2 * FRAME_DOUBT), 0, 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
 
 

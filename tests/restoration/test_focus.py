@@ -8,7 +8,7 @@ import pytest
 from rsvideo.physics.trajectory import Trajectory, centred
 from rsvideo.restoration.camera_path import within
 from rsvideo.restoration.extent import longest
-from rsvideo.restoration.focus import focus, focus_map
+from rsvideo.restoration.focus import focus, focus_map, focus_value
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, reduced, scene_of
 from rsvideo.restoration.settings import Settings
@@ -55,7 +55,16 @@ def test_a_restoration_is_followed_where_its_path_is_in_focus(blurred: tuple[Sce
     assert trust(scene, true, length).mean() > 0.8
     assert trust(scene, across(true), length).mean() < 0.4
     assert not trust(scene, true, SHORT).any()
-    assert focus_map(scene, true, 32).shape == scene.frame.shape
+
+
+def test_a_frame_that_is_out_of_focus_as_a_whole_is_restored_nowhere(blurred: tuple[Scene, Trajectory]) -> None:
+    scene, true = blurred
+    wrong = true.with_coefficients(1.6 * true.coefficients)
+    about, whole = focus_map(scene, wrong, 32)
+    assert about.shape == scene.frame.shape
+    assert whole == pytest.approx(focus_value(scene, wrong), abs=1e-3)
+    assert whole < 0 < about.max()
+    assert not trust(scene, wrong, longest(scene.camera, wrong)).any()
 
 
 def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
