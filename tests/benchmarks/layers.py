@@ -1,6 +1,6 @@
 """Film scenes of several depths, with things that move by themselves, by a rolling shutter, as cases for footage.py.
 
-    python tests/benchmarks/layers.py PHOTOS --gyro LOG -o CASES [--clips 30] [--frames 16] [--half choose] [--seed 0] [--vibration PX]
+    python tests/benchmarks/layers.py PHOTOS --gyro LOG -o CASES [--clips 26] [--frames 16] [--half choose] [--seed 0] [--vibration PX]
 
 PHOTOS is a folder of sharp pictures. Each scene has a photograph far away, up to two others cut out as pillars, ground or pebbles and
 nearer by up to ten times, and in one of two scenes a thing that moves by itself: so motion changes abruptly at borders, where no smooth
@@ -206,7 +206,7 @@ def main() -> None:
     parser.add_argument("photographs", type=Path, metavar="PHOTOS")
     parser.add_argument("--gyro", type=Path, required=True, metavar="LOG")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="CASES")
-    parser.add_argument("--clips", type=int, default=30, metavar="N")
+    parser.add_argument("--clips", type=int, default=26, metavar="N")
     parser.add_argument("--frames", type=int, default=16, metavar="N")
     parser.add_argument("--half", choices=("choose", "report"), default="choose")
     parser.add_argument("--seed", type=int, default=0)
