@@ -3,7 +3,7 @@
 A frame's work makes and frees the same few hundred arrays of some MB again and again. The allocator of glibc gives such arrays back at
 once, and the system then finds and clears new pages for each, which takes longer than most of what is computed in them.
 
-Python looks through all objects for what nothing refers to whenever enough new ones are there. What libraries leave as they are loaded
+Python searches all objects for what nothing refers to whenever enough new ones are there. What libraries leave as they are loaded
 is no garbage, and there is much of it.
 """
 

@@ -102,8 +102,8 @@ class _Chunks:
         with self.busy:
             if n not in self.shown:
                 chunk = next(chunk for chunk in self.planned if chunk.first <= n <= chunk.last)
-                seen = self.pictures(*in_view(chunk, self.clip.num_frames))
-                done = treated(self.treatment, chunk, seen, self.colour, self.path, ignore)
+                view = self.pictures(*in_view(chunk, self.clip.num_frames))
+                done = treated(self.treatment, chunk, view, self.colour, self.path, ignore)
                 self.shown = {picture.index: picture for picture, _, _ in done}
             picture = self.shown[n]
         out = f.copy()

@@ -75,5 +75,5 @@ def main() -> None:
             raise
         code, line = exit_codes.code_and_line(error)
         terminal.last_words(line)
-    gc.freeze()  # else Python looks at its end once more for what nothing refers to, which takes 0.3 s
+    gc.freeze()  # else Python searches at its end once more for what nothing refers to, which takes 0.3 s
     sys.exit(code)

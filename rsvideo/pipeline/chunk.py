@@ -99,10 +99,10 @@ def _as_they_came(task: Task, chunk: Chunk, observe: Observer) -> Iterator[tuple
 
 def _worked_on(task: Task, chunk: Chunk, folder: Path, observe: Observer) -> Iterator[tuple[Picture, FrameRecord]]:
     """The chunk's pictures as they are shown, and what became of each."""
-    seen = clip_frames.pictures(task, *in_view(chunk, task.last))
+    view = clip_frames.pictures(task, *in_view(chunk, task.last))
     if task.request.deblur.method.steadied:
-        seen = iter(_steadied(task, list(seen), folder))
-    for picture, result, to_next in treated(task.treatment, chunk, seen, task.stream.colour, task.request.motion.trajectory, observe):
+        view = iter(_steadied(task, list(view), folder))
+    for picture, result, to_next in treated(task.treatment, chunk, view, task.stream.colour, task.request.motion.trajectory, observe):
         yield picture, output.frame_record(result, to_next)
 
 
