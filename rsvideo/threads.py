@@ -60,7 +60,7 @@ def spread(loop: Callable[..., None], count: int, *arguments: Any, size: float =
         return
     parts = min(count, threads * _PARTS)
     bounds = iter([(count * k // parts, count * (k + 1) // parts) for k in range(parts)])
-    helpers = [_crew().submit(partial(_work, loop, bounds, arguments)) for _ in range(threads - 1)]
+    helpers = [begun(partial(_work, loop, bounds, arguments)) for _ in range(threads - 1)]
     _work(loop, bounds, arguments)
     for helper in helpers:
         helper.result()
@@ -76,7 +76,7 @@ def each(call: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Resu
     wanted = list(items)
     if _free(len(wanted)) == 1:
         return [call(item) for item in wanted]
-    return [answer.result() for answer in [_crew().submit(partial(call, item)) for item in wanted]]
+    return [answer.result() for answer in [begun(partial(call, item)) for item in wanted]]
 
 
 def _work(loop: Callable[..., None], bounds: Iterator[tuple[int, int]], arguments: tuple[Any, ...]) -> None:

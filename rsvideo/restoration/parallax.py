@@ -20,7 +20,6 @@ from jaxtyping import Float
 from scipy import linalg
 from scipy.spatial.distance import cdist
 
-from rsvideo import threads
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import ShutterTiming
@@ -126,8 +125,7 @@ def flows(frames: Sequence[Points], longer: int) -> list[Flow | None]:
     best = int(np.argmin(missed))
     if missed[best] >= EXPLAINS * sum(_missed(points.moved, points) for points in probes):
         return [None] * len(frames)
-    found = dict(zip(shown, threads.each(lambda k: _solved(few[k], *tried[best])[0], shown), strict=True))
-    return [found.get(k) for k in range(len(frames))]
+    return [_solved(points, *tried[best])[0] if k in shown else None for k, points in enumerate(few)]
 
 
 def _solved(points: Points, speed: float, length: float) -> tuple[Flow, Float[np.ndarray, "points 2"]]:
