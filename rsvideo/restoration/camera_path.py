@@ -17,7 +17,7 @@ from rsvideo.physics.camera import Camera, lever
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, still
 from rsvideo.restoration.hand_shake import pose_unit, shake_spread
-from rsvideo.restoration.tracks import TRACKED, Tracks
+from rsvideo.restoration.tracks import Tracks
 
 KNOTS = 3  # spline pieces a frame's interval; origin: by trial
 TERMS = 7  # of the polynomial that stands for the spline within one frame; origin: by trial
@@ -211,6 +211,7 @@ class _Pair:
     fields: Float[np.ndarray, "points 2 fields"]  # what the scene's depth may add
     elapsed: Float[np.ndarray, " points"]  # s, from the middle of the first sight's exposure to that of the second
     moved: Float[np.ndarray, "points 2"]
+    error: float  # px, of a point at best
 
     @classmethod
     def of(cls, tracks: Tracks, begins: np.ndarray, back: list[bool], camera: Camera, path: Spline) -> "_Pair":
@@ -232,6 +233,7 @@ class _Pair:
             fields=_fields(camera, middle) * float(begins[1] != begins[0]),  # two views of one moment show the same depth
             elapsed=when[1] - when[0],
             moved=tracks.before - tracks.after,  # a camera that moves right moves the image left
+            error=tracks.error,
         )
 
     def residual(self, coefficients: Float[np.ndarray, "terms axes"]) -> Float[np.ndarray, "points 2"]:
@@ -247,7 +249,7 @@ class _Pair:
     ) -> "_System":
         """The pair's equations without its field, which lies about the `common` one; points weigh by how well they fit (Cauchy)."""
         size = np.linalg.norm(self.residual(coefficients) - self.fields @ field, axis=1)
-        scale = max(float(np.median(size)), TRACKED)
+        scale = max(float(np.median(size)), self.error)
         weight = 1 / (1 + (size / (OUTLIER * scale)) ** 2) / scale**2
         weight *= min(1.0, INDEPENDENT / len(weight))
         path = np.einsum("nca,nt->ncta", self.levers, self.design).reshape(2 * len(weight), -1)

@@ -25,7 +25,7 @@ from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import CameraPath, certainties, exposure_length, follow, polynomial, unexplained, windows, within
 from rsvideo.restoration.extent import longest
-from rsvideo.restoration.focus import focus
+from rsvideo.restoration.focus import focus, focus_value
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.refinement import SCALE
@@ -33,7 +33,7 @@ from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
-from rsvideo.restoration.trust import SHORT, run_share, vote
+from rsvideo.restoration.trust import SHORT, run_share
 
 TRUST = 2e-3  # tau; origin: by trial
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
@@ -124,7 +124,7 @@ def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Mov
         return Movement.unfollowed(len(run.begins), run.axes)
     tracked = path_from_tracks(run)
     path = refined_by_blur(run, tracked, run.followed if frames is None else run.followed & frames)
-    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=run_share(_votes(run, tracked))))
+    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=run_share(votes(run, tracked))))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -138,7 +138,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         scene = scene_of(to_scanlines(frame, camera), settings)
         after = codes(scene.frame)
         if before is not None:
-            links.append(track(before, after))
+            links.append(track(before, after, camera.timing.exposure / max(frame.time - begins[-1], camera.timing.exposure)))
         before = after
         begins.append(frame.time)
         if blur:
@@ -210,15 +210,15 @@ def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> 
     return Movement(within=[*inside], steps=steps, tied=run.tied, exposures=[*map(float, run.exposures)]).in_image(run.direction)
 
 
-def _votes(run: Run, path: CameraPath) -> list[tuple[float, float]]:
-    """What each frame that is blurred enough says of a path that was found without blur."""
+def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> list[float]:
+    """The focus of each frame that is blurred enough, of all or of some `frames`, along a path that was found without blur."""
     flows_beside, wanted = beside(run, path), []
-    for k, exposure in enumerate(run.exposures):
-        camera = run.camera.exposed(float(exposure))
+    for k in range(len(run.begins)) if frames is None else frames:
+        camera = run.camera.exposed(float(run.exposures[k]))
         cut = within(path.spline, run.opens(k), camera.timing)
         if (length := longest(camera, cut)) > SHORT:
             wanted.append((scene_at(run, k, flows_beside[k], length), cut))
-    return threads.each(lambda each: vote(*each), wanted)
+    return threads.each(lambda each: focus_value(*each), wanted)
 
 
 def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:

@@ -25,12 +25,13 @@ from scipy.interpolate import CubicSpline
 
 from rsvideo import threads
 from rsvideo.restoration.camera_path import CameraPath, within
-from rsvideo.restoration.clip_motion import Run, beside, path_from_tracks, scene_at
+from rsvideo.restoration.clip_motion import Run, beside, path_from_tracks, scene_at, votes
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scene import Scene
-from rsvideo.restoration.spectrum import Patches, patches
-from rsvideo.restoration.trust import misfits
+from rsvideo.restoration.spectrum import Patches, Spectrum, patches
+from rsvideo.restoration.trust import CHANCE, deviations
+from rsvideo.restoration.verdict import across
 
 RATIO = 1.12  # from one exposure to the next
 SHORTEST = 1 / 64  # of a frame's period, the shortest one
@@ -98,6 +99,17 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     if blur < PLAIN:
         return Unclear(reason=f"its motion leaves too little blur, about {blur:.1f} px", most=min(most, period))
     return Exposure(value=value, deviation=value * float(np.hypot(deviation, np.log(RATIO) / np.sqrt(12))), blur=blur)
+
+
+def in_better_focus(run: Run, stated: float, shown: float) -> bool:
+    """Whether the frames that move most are in focus along their path with the stated exposure, and more so than with what spectra show.
+
+    Spectra of a scene mislead where most of its edges lie in one direction, and in all of a clip's frames alike.
+    """
+    path = path_from_tracks(run)
+    frames = _most_moving(run, path)[:FRAMES]
+    focus, other = (deviations(votes(run.exposed(np.full(len(run.begins), seconds)), path, frames)) for seconds in (stated, shown))
+    return focus > max(CHANCE, other)
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
@@ -206,5 +218,6 @@ def _misfit(run: Run, path: CameraPath, k: int, scene: Scene, observed: Patches,
     """m_k(e)."""
     cut = within(path.spline, run.opens(k, float(exposure)), run.camera.exposed(float(exposure)).timing)
     scene = replace(scene, camera=scene.camera.exposed(float(exposure)))
-    along, turned = misfits(scene, observed, cut)
-    return along - SOFTNESS * turned
+    turned = replace(scene, flow=scene.flow and scene.flow.across)
+    along, beside_it = (Spectrum(scene=each, patches=observed, curve=cut) for each in (scene, turned))
+    return along.value(cut) - SOFTNESS * beside_it.value(across(cut))

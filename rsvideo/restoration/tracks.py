@@ -10,7 +10,9 @@ MOST = 400  # points a frame; origin: by trial
 FEWEST = 24  # below, a pair of frames shows no motion: a cut, or no texture; origin: by trial
 TRACKED = 0.15  # px; how well a point is followed at best
 WINDOW = 31  # px; wider than the blur, so that both frames' versions of a point lie inside
+LONGEST = 40.0  # px of blur, up to which it still shows; origin: by trial
 LEVELS = 4  # of the pyramid: displacements up to about 15 px * 2^4
+SMALLEST = 128  # px, the shorter side of the smallest frames in which points are followed; origin: by trial
 _WOBBLE = 6.0  # px; how far the scanlines' own motion may lift a point off the homography of the whole frame
 _RETURN = 1.0  # px; tracked there and back, a point must come home this closely
 _QUALITY = 0.01  # of the strongest corner, below which a corner is too faint (Shi & Tomasi's measure)
@@ -26,6 +28,17 @@ class Tracks:
 
     before: Float[np.ndarray, "points 2"]
     after: Float[np.ndarray, "points 2"]
+    error: float = TRACKED  # px, of a point at best
+
+    @property
+    def moved(self) -> float:
+        """How far the points move, px; the median, 0 without any."""
+        return float(np.median(np.linalg.norm(self.after - self.before, axis=1))) if len(self.before) else 0.0
+
+    def enlarged(self, scale: int) -> "Tracks":
+        """The points as frames show them that are so many times as large."""
+        before, after = (scale * (points + 0.5) - 0.5 for points in (self.before, self.after))
+        return Tracks(before=before, after=after, error=scale * self.error)
 
 
 def codes(luminance: Float[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "rows cols"]:
@@ -33,8 +46,28 @@ def codes(luminance: Float[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "rows 
     return np.round(255 * np.sqrt(np.clip(luminance, 0, 1))).astype(np.uint8)
 
 
-def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"]) -> Tracks:
-    """Corners of the first frame found again in the second (Lucas-Kanade) that move as one rigid scene; none at a cut."""
+def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"], exposed: float = 0.0) -> Tracks:
+    """Corners of the first frame found again in the second (Lucas-Kanade) that move as one rigid scene; none at a cut.
+
+    `exposed` is the share of the time from frame to frame in which each of them was exposed. Where the blur that follows is longer than
+    a window shows, points are followed in frames of half the size, a quarter or an eighth.
+    """
+    found, scale = _followed(before, after), 1
+    while exposed and min(before.shape) >= 2 * SMALLEST and not 0 < exposed * found.moved <= LONGEST * scale:
+        before, after, scale = _halved(before), _halved(after), 2 * scale
+        coarse = _followed(before, after).enlarged(scale)
+        if exposed * coarse.moved > LONGEST:  # what moves less would have been found before: two scenes, at a cut
+            found = coarse
+    return found
+
+
+def _halved(picture: UInt8[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "r c"]:
+    rows, cols = (side // 2 for side in picture.shape)
+    return np.asarray(cv2.resize(picture[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA))
+
+
+def _followed(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"]) -> Tracks:
+    """Corners of the first frame found again in the second, in these frames."""
     rows, cols = before.shape
     apart = max(_CLOSEST, np.sqrt(rows * cols / MOST) / 2)
     corners = cv2.goodFeaturesToTrack(before, MOST, _QUALITY, apart, blockSize=_BLOCK)

@@ -14,7 +14,7 @@ import numpy as np
 
 from rsvideo.comparison import residual
 from rsvideo.config.method import Method
-from rsvideo.config.request import Measured, Request
+from rsvideo.config.request import Camera, Measured, Request
 from rsvideo.config.sidecar import Sidecar
 from rsvideo.frame import FrameResult
 from rsvideo.pipeline import clip_facts, demand, measuring, output, preview
@@ -42,9 +42,13 @@ class Trial:
     @property
     def measured_key(self) -> object:
         """Of what is measured in the clip, whatever exposure is typed in."""
-        camera = self.request.camera.model_copy(update={"exposure": None, "shutter_angle": None})
         source = self.request.source
-        return source, source.stat().st_mtime_ns, repr(camera), repr(self.request.input)
+        return source, source.stat().st_mtime_ns, repr(_unexposed(self.request.camera)), repr(self.request.input)
+
+
+def _unexposed(camera: Camera) -> Camera:
+    """What is stated of a camera but for its exposure."""
+    return camera.model_copy(update={"exposure": None, "shutter_angle": None})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,13 +108,13 @@ def _measured(wanted: Request, observe: Observer) -> Measured:
     assert not isinstance(take.source, Still)
     observe(Progress(stage="measuring the clip's exposure and readout", fraction=0.0))
     first, last = clip_facts.frame_range(take.source, wanted.input.range)
-    return measuring.of_take(take, given, first, last, wanted.input.on_damage) or Measured()
+    return measuring.of_take(take, _unexposed(given), first, last, wanted.input.on_damage) or Measured()
 
 
 def _as_typed(wanted: Request, measured: Measured) -> Measured:
     """The same without an exposure where one is typed in: a trial shows what that does, and the job checks it."""
     typed = wanted.camera.exposure is not None or wanted.camera.shutter_angle is not None
-    return measured.model_copy(update={"exposure": None}) if typed else measured
+    return measured.model_copy(update={"exposure": None, "most": None}) if typed else measured
 
 
 def _explained(task: Task, results: Sequence[FrameResult], size: Size, *, turns: int) -> Tried:

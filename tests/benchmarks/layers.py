@@ -1,11 +1,13 @@
 """Film scenes of several depths, with things that move by themselves, by a rolling shutter, as cases for footage.py.
 
-    python tests/benchmarks/layers.py PHOTOS --gyro LOG -o CASES [--clips 26] [--frames 16] [--half choose] [--seed 0] [--vibration PX]
+    python tests/benchmarks/layers.py PHOTOS --gyro LOG -o CASES [--clips 26] [--frames 16] [--half choose] [--seed 0]
+        [--vibration PX] [--pan PX]
 
 PHOTOS is a folder of sharp pictures. Each scene has a photograph far away, up to two others cut out as pillars, ground or pebbles and
 nearer by up to ten times, and in one of two scenes a thing that moves by itself: so motion changes abruptly at borders, where no smooth
 field follows it. The camera turns as a random moment of LOG says, at 0.3 to 1.5 times its speed, and walks. Exposure is 4 to 33 ms, readout
-5 to 30 ms, at 30 frames a second; noise, clipping and H.264 as a camera's. --vibration adds a shake of 25 to 90 Hz and up to so many px.
+5 to 30 ms, at 30 frames a second; noise, clipping and H.264 as a camera's. --vibration adds a shake of 25 to 90 Hz and up to so many px,
+--pan a steady turn by 0.4 to 1 times so many px from frame to frame, mostly sideways; photographs are mirrored at their borders.
 Photographs of one half only are taken (corpus.py): what is chosen by the one can be reported by the other. CASES gets a folder a clip
 with clip.mp4, truth.mp4, the sharp scene at the middle of each frame's interval, and case.json. The blur of a frame is that of its middle
 scanline, in px at a depth between far and near.
@@ -13,6 +15,7 @@ scanline, in px at a depth between far and near.
 
 import argparse
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -33,11 +36,13 @@ from rsvideo.video.stream import Matrix, Picture, Stream
 from rsvideo.video.writer import Writer
 
 ROWS, COLS, MARGIN, RATE = 360, 640, 160, 30
-SAMPLES = 24  # of an exposure
+SAMPLES = 24  # of an exposure, at least
 EXPOSURE, READOUT, SPEED, FOCAL = (4e-3, 33e-3), (5e-3, 30e-3), (0.3, 1.5), (0.8, 1.2)  # s, s, of the log's rates, of the columns
 FARTHEST, NEAR, BETWEEN = 0.2, (0.6, 2.0), 0.4  # of the camera's walk, by which a layer moves
 WALK, DRIFT, THINGS = (0, 2, 5, 10), (0, 20, 60), (30, 100, 200)  # px, px/s, px/s
 MOST_TURN, MOST_WALK = 110, 25  # px, for which photographs have a margin
+PAN = (0.4, 1.0)  # of the fastest
+TILT = 0.15  # of a pan, its standard deviation up and down
 STEP = 1 / 2000  # s, between which the camera's motion is interpolated
 LEAD = 0.03  # s of motion before the first frame
 VIBRATION = (25, 90)  # Hz
@@ -119,8 +124,8 @@ def within(motion: np.ndarray, most: float) -> np.ndarray:
     return motion / max(1.0, float(np.abs(motion).max()) / most)
 
 
-def camera(rng: np.random.Generator, log: GyroLog, seconds: float, vibration: float) -> Pose:
-    """How a layer is shifted and turned at any time: the log's turns, the walk by the layer's depth, and vibration."""
+def camera(rng: np.random.Generator, log: GyroLog, seconds: float, vibration: float, pan: float) -> Pose:
+    """How a layer is shifted and turned at any time: the log's turns, the walk by the layer's depth, vibration and a pan."""
     times = np.arange(0, seconds, STEP)
     start = rng.uniform(2, log.times[-1] - seconds - 2)
     turns = (gyro.integrals(log)(start + times))[:, rng.permutation(3)] * log_uniform(rng, SPEED)
@@ -129,6 +134,8 @@ def camera(rng: np.random.Generator, log: GyroLog, seconds: float, vibration: fl
     walked = within(walk(rng, times), MOST_WALK)
     hertz, phase = rng.uniform(*VIBRATION, 2), rng.uniform(0, 2 * np.pi, 2)
     shaken = np.sin(2 * np.pi * hertz * times[:, None] + phase) * rng.uniform(0.3, 1, 2) * vibration
+    if pan:
+        shaken += times[:, None] * RATE * pan * rng.uniform(*PAN) * np.array([rng.choice((-1, 1)), rng.normal(0, TILT)])
 
     def pose(at: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         shift = turned[:, :2] + depth * walked + shaken
@@ -173,10 +180,11 @@ def made(case: Path, photographs: list[Path], log: GyroLog, args: argparse.Names
     """The folder of one clip."""
     rng = np.random.default_rng([args.seed, number, args.half == "choose"])
     timing = ShutterTiming.from_readout(exposure=log_uniform(rng, EXPOSURE), readout=rng.uniform(*READOUT), rows=ROWS)
-    pose = camera(rng, log, 2 * LEAD + args.frames / RATE + 0.1, args.vibration)
+    pose = camera(rng, log, 2 * LEAD + args.frames / RATE + 0.1, args.vibration, args.pan)
     layers, gain, noise = scene(rng, photographs), float(rng.choice(GAINS)), log_uniform(rng, NOISE)
     qualities = {"clip.mp4": float(rng.choice(QUALITY)), "truth.mp4": TRUTH}
-    scanlines, when = np.arange(ROWS) * timing.row_time, (np.arange(SAMPLES) + 0.5) / SAMPLES * timing.exposure
+    samples = max(SAMPLES, math.ceil(args.pan * RATE * timing.exposure))
+    scanlines, when = np.arange(ROWS) * timing.row_time, (np.arange(samples) + 0.5) / samples * timing.exposure
     middle = (ROWS // 2) * timing.row_time + np.linspace(0, timing.exposure, SAMPLES)
     case.mkdir(parents=True)
     clip, truth = (Writer(case / n, stream(case / n, args.frames), Encoding(codec="h264", crf=crf)) for n, crf in qualities.items())
@@ -211,12 +219,13 @@ def main() -> None:
     parser.add_argument("--half", choices=("choose", "report"), default="choose")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--vibration", type=float, default=0.0, metavar="PX")
+    parser.add_argument("--pan", type=float, default=0.0, metavar="PX")
     args = parser.parse_args()
     photographs = sorted(p for p in args.photographs.glob("*.jpg") if half(p) == args.half)
     log = gyro.parse(args.gyro.read_text().splitlines())
     for number in range(args.clips):
-        shaken = f"-{args.vibration:g}" if args.vibration else ""
-        case = args.output / f"layers-{args.half}-{args.seed}-{number:03}{shaken}"
+        moved = "".join(f"-{name}{px:g}" for name, px in (("vibration", args.vibration), ("pan", args.pan)) if px)
+        case = args.output / f"layers-{args.half}-{args.seed}-{number:03}{moved}"
         if not (case / "case.json").is_file():
             made(case, photographs, log, args, number)
 

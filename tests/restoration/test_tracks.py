@@ -27,9 +27,35 @@ def test_a_shift_is_measured_to_a_tenth_of_a_pixel(shift: tuple[float, float]) -
     assert np.median(np.linalg.norm(apart, axis=1)) < 0.1
 
 
+def smeared(x: float, blur: float, scene: str = "camera") -> np.ndarray:
+    """What a camera sees that turns to the right by `blur` px about (x, 100) of the scene."""
+    photograph = np.asarray(getattr(skimage.data, scene)()).astype(np.float32)
+    rows, cols = 288, 300
+    seen = np.zeros((rows, cols), np.float32)
+    for moved in np.arange(-blur / 2, blur / 2):
+        to_scene = np.array([[1, 0, x + moved], [0, 1, 100]])
+        seen += cv2.warpAffine(photograph, to_scene, (cols, rows), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    return np.round(seen / blur).astype(np.uint8)
+
+
+def test_blur_that_a_window_does_not_show_is_followed_better_in_smaller_frames() -> None:
+    before, after = smeared(50, 48), smeared(110, 62)  # the camera turns faster and faster
+    full, small = (track(before, after, exposed) for exposed in (0.0, 0.8))
+    missed = [np.median(np.linalg.norm(seen.before - seen.after - [60, 0], axis=1)) for seen in (full, small)]
+    assert len(small.before) >= 40
+    assert missed[1] < 0.7 * missed[0]
+    assert small.error > full.error
+
+
+def test_shorter_blur_is_followed_as_if_there_were_none() -> None:
+    before, after = smeared(100, 8), smeared(110, 8)
+    np.testing.assert_array_equal(track(before, after, 0.8).after, track(before, after).after)
+
+
 def test_nothing_is_followed_across_a_cut() -> None:
     assert len(track(view(130, 100), view(100, 100, "coins")).before) == 0
     assert len(track(view(130, 100, "brick"), view(130, 100, "gravel")).before) == 0
+    assert len(track(smeared(50, 64), smeared(50, 64, "coins"), 0.8).before) == 0
 
 
 def test_nothing_is_followed_where_there_is_nothing_to_see() -> None:
