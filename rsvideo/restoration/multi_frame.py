@@ -127,7 +127,8 @@ def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: S
         return _Judged(verdict=Verdict.SHARP, moved=moved, length=length)
     share = 1.0
     if evidence:
-        share = evidence.share * trust(scene_of(view, settings, evidence.flow), path, length)[..., None] if evidence.share else 0.0
+        scene = scene_of(view, settings, evidence.flow)
+        share = evidence.share * trust(scene, path, length, evidence.certainty)[..., None] if evidence.share else 0.0
     if np.mean(share) < LEAST_SHARE:
         verdict = Verdict.DISAGREES if length > LONG and not (evidence and evidence.share) else Verdict.STRAIGHTENED
         return _Judged(verdict=verdict, moved=moved, length=length)

@@ -17,7 +17,9 @@ from rsvideo.restoration.scene import Scene, reduced
 
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
 OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
-FRAME_DOUBT = 1.5e-3  # s of a whole frame: as far below 0 it is not restored at all, from 0 on in full; chosen on scenes of several depths
+FRAME_DOUBT = 1.5e-3  # s of a whole frame, by which it may be below its limit before it is not restored at all
+LONG_DOUBT, LONG_BLUR = 3e-3, 0.014  # that limit along a path that nothing makes certain, for each time the blur is so long, of the longer
+# side: a long path that is wrong does most harm; all three chosen on scenes of several depths
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
@@ -38,15 +40,19 @@ def deviations(votes: Sequence[float]) -> float:
     return float(each.sum() / max(np.sqrt((each**2).sum()), _LEAST_VOTE))
 
 
-def trust(scene: Scene, path: Trajectory, length: float) -> Float[np.ndarray, "rows cols"]:
-    """The share of the restoration along a path whose blur is `length` px long, 0 to 1, smooth over the frame."""
+def trust(scene: Scene, path: Trajectory, length: float, certainty: float) -> Float[np.ndarray, "rows cols"]:
+    """The share of the restoration along a path whose blur is `length` px long, 0 to 1, smooth over the frame.
+
+    `certainty`, 0 to 1, says how surely the scanlines are displaced as the path says.
+    """
     rows, cols = scene.frame.shape
     if length <= SHORT:
         return np.zeros((rows, cols), np.float32)
     scene = reduced(scene, length)
     focus, whole = focus_map(scene, path, REGION * min(scene.frame.shape))
     share = np.clip((focus - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
-    share *= np.clip(1 + whole / FRAME_DOUBT, 0, 1)
+    limit = LONG_DOUBT * (1 - certainty) * length / (LONG_BLUR * max(rows, cols))
+    share *= np.clip(1 + (whole - limit) / FRAME_DOUBT, 0, 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
 
 

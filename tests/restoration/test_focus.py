@@ -52,9 +52,9 @@ def test_a_restoration_is_followed_where_its_path_is_in_focus(blurred: tuple[Sce
     scene, true = blurred
     length = longest(scene.camera, true)
     assert length > LONG
-    assert trust(scene, true, length).mean() > 0.8
-    assert trust(scene, across(true), length).mean() < 0.4
-    assert not trust(scene, true, SHORT).any()
+    assert trust(scene, true, length, 1.0).mean() > 0.8
+    assert trust(scene, across(true), length, 1.0).mean() < 0.4
+    assert not trust(scene, true, SHORT, 1.0).any()
 
 
 def test_a_frame_that_is_out_of_focus_as_a_whole_is_restored_nowhere(blurred: tuple[Scene, Trajectory]) -> None:
@@ -64,7 +64,17 @@ def test_a_frame_that_is_out_of_focus_as_a_whole_is_restored_nowhere(blurred: tu
     assert about.shape == scene.frame.shape
     assert whole == pytest.approx(focus_value(scene, wrong), abs=1e-3)
     assert whole < 0 < about.max()
-    assert not trust(scene, wrong, longest(scene.camera, wrong)).any()
+    assert not trust(scene, wrong, longest(scene.camera, wrong), 1.0).any()
+
+
+@pytest.mark.parametrize(("sharp", "shares"), [(0.003, [0.0, 0.5, 1.0]), (0.02, [1.0, 1.0, 1.0]), (-0.002, [0.0, 0.0, 0.0])])
+def test_a_long_path_that_nothing_makes_certain_needs_more_focus(
+    sharp: float, shares: list[float], blurred: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, path = blurred
+    monkeypatch.setattr("rsvideo.restoration.trust.focus_map", lambda *_: (np.full(scene.frame.shape, 0.01, np.float32), sharp))
+    found = [trust(scene, path, longest(scene.camera, path), certain).mean() for certain in (0.0, 0.5, 1.0)]
+    np.testing.assert_allclose(found, shares, atol=0.2)
 
 
 def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
@@ -95,5 +105,5 @@ def test_half_a_frame_that_does_not_move_along_is_told_apart(blurred: tuple[Scen
     cols = scene.frame.shape[1] // 2
     frame = scene.frame.copy()
     frame[:, :cols] = (still[:, :cols] ** 2.2) / max(float((still**2.2).max()), 1e-6)
-    share = trust(replace(scene, frame=frame), true, longest(scene.camera, true))
+    share = trust(replace(scene, frame=frame), true, longest(scene.camera, true), 1.0)
     assert share[:, : cols - 30].mean() < 0.5 * share[:, cols + 30 :].mean()
