@@ -119,12 +119,16 @@ class Run:
 
 
 def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Movement:
-    """The motion that points and blur of a run show, in image axes; blur of those `frames` only, if they are given."""
+    """The motion that points and blur of a run show, in image axes; blur of those `frames` only, if they are given.
+
+    So few do not tell whether the run is in focus: how far they are restored, each says for itself.
+    """
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
     tracked = path_from_tracks(run)
     path = refined_by_blur(run, tracked, run.followed if frames is None else run.followed & frames)
-    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=run_share(votes(run, tracked))))
+    share = run_share(votes(run, tracked)) if frames is None else 1.0
+    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
