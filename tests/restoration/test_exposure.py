@@ -75,13 +75,13 @@ def test_each_frame_has_the_exposure_that_its_part_of_the_clip_shows(
 ) -> None:
     run = taken(MOVING.recorded, assumed)
     true = 0.02 * np.exp(change * (run.begins - run.begins.mean()))
-    monkeypatch.setattr(exposure, "_misfit", lambda _run, _path, k, _scene, _patches, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
+    monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _scene, _patches, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
     assert exposure.of_each(run, spread) == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
 
 
 def test_frames_that_show_no_exposure_have_that_of_the_clip(monkeypatch: pytest.MonkeyPatch) -> None:
     run = taken(MOVING.recorded, 0.018)
-    monkeypatch.setattr(exposure, "_misfit", lambda *_: 0.0)
+    monkeypatch.setattr(exposure, "_misfits", lambda *given: 0 * given[-1])
     for spread in (exposure.ABOUT, np.inf):
         np.testing.assert_array_equal(exposure.of_each(run, spread), np.full(8, 0.018))
     np.testing.assert_array_equal(exposure.of_each(taken(MOVING.recorded[:2], 0.018)), [0.018, 0.018])
