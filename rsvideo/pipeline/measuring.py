@@ -140,7 +140,7 @@ def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources)
     typed, checked = (timing.exposure_of(given, replace(sources, measured=each))[0] for each in (None, shown))
     if typed is None or checked is None or typed.value == checked.value or not exposure.in_better_focus(run, typed.value, checked.value):
         return shown
-    reason = f"exposure: spectra of its blur contradict {1e3 * typed.value:.4g} ms, but its frames are in focus with it"
+    reason = f"exposure: its blur shows another one than {1e3 * typed.value:.4g} ms, but its frames are in focus with that"
     return shown.model_copy(update={"exposure": None, "most": None, "blur": None, "deviation": 0.0, "unclear": (*shown.unclear, reason)})
 
 

@@ -105,7 +105,7 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
 
 
 def in_better_focus(run: Run, stated: float, shown: float) -> bool:
-    """Whether the frames that move most are in focus along their path with the stated exposure, and more so than with what spectra show.
+    """Whether the frames that move most are in focus along their path with a stated exposure, and more so than with the one that is shown.
 
     Spectra of a scene mislead where most of its edges lie in one direction, and in all of a clip's frames alike.
     """
