@@ -25,19 +25,25 @@ AGREEMENT = 15  # px over which that is averaged
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
 FULL_VOTE = 0.005  # s of a frame, beyond which it hardly counts more, so that no frame outweighs many; origin: by trial
+SCATTER = 0.0065  # s of a single frame that counts as one standard deviation: twice that along wrong paths, whose tails are long
 CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
 _LEAST_VOTE = 1e-12  # where no frame votes, the sum is divided by this
 
 
 def run_share(votes: Sequence[float]) -> float:
-    """The share of restorations, 0 to 1, that s of a run's blurred frames grants together; a single frame grants none."""
+    """The share of restorations, 0 to 1, that s of a run's blurred frames grants together."""
     return float(np.clip((deviations(votes) - CHANCE) / (CERTAIN - CHANCE), 0, 1))
 
 
 def deviations(votes: Sequence[float]) -> float:
-    """How many standard deviations the sum of s of several frames is above the 0 that it scatters about along a wrong path."""
-    each = np.tanh(np.array(votes) / FULL_VOTE)
-    return float(each.sum() / max(np.sqrt((each**2).sum()), _LEAST_VOTE))
+    """How many standard deviations the sum of s of several frames is above the 0 that it scatters about along a wrong path.
+
+    The scatter is the frames' own, by how far they agree, or the usual one: a single frame agrees with itself.
+    """
+    sharp = np.array(votes)
+    each = np.tanh(sharp / FULL_VOTE)
+    agreed = each.sum() / max(np.sqrt((each**2).sum()), _LEAST_VOTE)
+    return float(max(agreed, sharp.sum() / (SCATTER * np.sqrt(max(len(sharp), 1)))))
 
 
 def trust(scene: Scene, path: Trajectory, length: float, certainty: float) -> Float[np.ndarray, "rows cols"]:

@@ -78,10 +78,15 @@ def test_a_long_path_that_nothing_makes_certain_needs_more_focus(
 
 
 def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
-    assert run_share([0.01] * 4) == run_share([0.01] * 20 + [-0.02]) == 1.0
+    assert run_share([0.004] * 4) == run_share([0.01] * 20 + [-0.02]) == 1.0
     assert run_share([0.004, -0.01, 0.02, -0.013]) == 0.0
-    assert 0.0 < run_share([0.01, 0.01, 0.0]) < 0.5
-    assert run_share([0.01]) == run_share([0.0]) == run_share([]) == 0.0
+    assert 0.0 < run_share([0.004, 0.004, 0.0]) < 0.5
+    assert run_share([0.004]) == run_share([0.0]) == run_share([]) == 0.0
+
+
+def test_a_single_blurred_frame_is_restored_where_it_is_plainly_in_focus() -> None:
+    assert run_share([0.02]) == 1.0
+    assert 0.0 < run_share([0.01]) < 1.0
 
 
 def test_a_frame_votes_for_its_own_path_and_against_others(blurred: tuple[Scene, Trajectory]) -> None:
