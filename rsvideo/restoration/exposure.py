@@ -51,7 +51,7 @@ ROUGHLY = 0.4  # the same for some frames of a clip whose exposure is assumed: o
 STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes; origin: by trial
 CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
 ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
-FARTHEST = 4.0  # times the clip's exposure, or one by that, is the last that is tried of a part
+FARTHEST = 4.0  # times the clip's exposure, which may be assumed, or one by that, is the last that is tried of a part
 _LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 
 
@@ -126,9 +126,9 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     if len(run.begins) < FEWEST or not run.followed.any():
         return run.exposures
     period = float(np.median(np.diff(run.begins)))
-    path, reach = path_from_tracks(run), np.inf if assumed else FARTHEST
+    path = path_from_tracks(run)
     frames = _most_moving(run, path, -np.inf if assumed else SHOWS)
-    exposures = _ratios(max(about / reach, period * SHORTEST), min(about * reach, period))
+    exposures = _ratios(max(about / FARTHEST, period * SHORTEST), min(about * FARTHEST, period))
     tried = _tried(run, path, frames, exposures, period)
     if isinstance(tried, Unclear):
         return run.exposures
