@@ -57,7 +57,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "spectra": ((search, "spectral_paths"),),
     "candidates": ((search, "estimate"),),
     "refinement": ((search, "_focused"), (clip_motion, "refined_by_blur")),
-    "verdict": ((single_frame, "judge"), (clip_motion, "evidence"), (clip_motion, "_votes"), (multi_frame, "_judged")),
+    "verdict": ((single_frame, "judge"), (clip_motion, "evidence"), (clip_motion, "votes"), (multi_frame, "_judged")),
     "latent image": ((nonblind, "deblur"), (single_frame, "tiled_frame"), (multi_frame, "tiled_frame")),
     "denoiser": ((nonblind, "denoise"), (nonblind, "match")),
     "fusion": ((multi_frame, "fused"), (multi_frame, "rectified")),
