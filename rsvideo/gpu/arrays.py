@@ -4,6 +4,7 @@ The simulator is chosen by NUMBA_ENABLE_CUDASIM=1 before numba is imported. It p
 """
 
 import math
+import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ Array = Any
 """Of the device: cupy.ndarray, or numpy.ndarray in the simulator."""
 OutOfMemory: type[Exception] = MemoryError if SIMULATED else xp.cuda.memory.OutOfMemoryError  # pyright: ignore[reportAttributeAccessIssue]
 SHARED_BYTES = 48 << 10  # of memory that the threads of a block share, which every card grants
+_LAUNCHING = threading.Lock()  # the compiler does not bear two threads that start a new kernel at once
 _FEWEST = 2  # threads of a block a side in the simulator: enough to meet, and each is a thread of Python
 
 
@@ -30,7 +32,8 @@ def launch(kernel: Any, blocks: tuple[int, ...], threads: tuple[int, ...], *argu
     """Start a kernel, whose loops step by the number of threads and so are right with any; `shared` is in bytes."""
     if SIMULATED:
         threads = tuple(min(_FEWEST, count) for count in threads)
-    kernel[blocks, threads, 0, shared](*arguments)
+    with _LAUNCHING:
+        kernel[blocks, threads, 0, shared](*arguments)
 
 
 def blocks_of(count: int, threads: int) -> int:

@@ -16,6 +16,7 @@ from rsvideo.gpu.banded import BandedFactor, BandedHermitian
 from rsvideo.gpu.collaborative_filter import Matches, denoise, match
 from rsvideo.gpu.device import DeviceMemoryError
 from rsvideo.gpu.row_fourier import RowFourier, row_fourier
+from rsvideo.gpu.total_variation import completed, joined, split
 from rsvideo.physics.row_fourier import Extent, extent
 from rsvideo.physics.tiles import Tile
 
@@ -70,9 +71,9 @@ class System:
             out[t, ..., : op.left] = joined[..., right:]
         return out
 
-    def complete(self, blurred: Array) -> Array:
-        """The frame where it is data, K l elsewhere; a clipped pixel is at least as bright as it reads."""
-        return xp.where(self.data, self.frame, xp.maximum(self.least, blurred))
+    def complete(self, blurred: Array, before: Array | None = None, ahead: float = 0.0) -> Array:
+        """The frame where it is data, elsewhere K l and `ahead` times its step from `before`; a clipped pixel is at least as it reads."""
+        return completed(self.data, self.frame, self.least, blurred, blurred if before is None else before, ahead)
 
     def factor(self, rho: float, floor: float) -> BandedFactor:
         """Of K^H K + rho D^T D + floor I."""
@@ -87,14 +88,12 @@ class System:
         op, rho, factor = self.op, weights.rho, self.factor(weights.rho, weights.floor)
         b = self.completed()
         latent = xp.zeros((*b.shape[:2], op.latent_rows, op.period), xp.float32)
-        g = u = xp.zeros((2, *latent.shape), xp.float32)  # g = j - u
+        u, g = (xp.zeros((2, *latent.shape), xp.float32) for _ in range(2))  # g = j - u
         for _ in range(steps):
-            spectrum = factor.solve(op.adjoint(op.spectrum(b)) + op.spectrum(xp.float32(rho) * _adjoint_gradient(g)))
+            spectrum = factor.solve(op.adjoint(op.spectrum(b)) + op.spectrum(joined(g, rho)))
             latent, blurred = op.image(spectrum), op.image(op.forward(spectrum))
-            b = self.complete(blurred + xp.float32(weights.ahead) * (blurred - b))
-            v = _gradient(latent) + u
-            u = xp.clip(v, -mu / rho, mu / rho)  # v - j, for j is v less what the soft threshold takes
-            g = v - 2 * u
+            b = self.complete(blurred, b, weights.ahead)
+            split(latent, mu / rho, u, g)
         return latent
 
     def nearest(self, latent: Array, aim: Array, ridge: float) -> Array:
@@ -102,26 +101,6 @@ class System:
         op, factor = self.op, self.factor(0.0, ridge)
         data = op.spectrum(self.complete(self.blur(latent)))
         return op.image(factor.solve(op.adjoint(data) + xp.float32(ridge) * op.spectrum(aim)))
-
-
-def _gradient(image: Array) -> Array:
-    """D l: (2, ...), along columns, the first behind the last, and along rows, none beyond the last."""
-    out = xp.zeros((2, *image.shape), xp.float32)
-    xp.subtract(image[..., 1:], image[..., :-1], out=out[0, ..., :-1])
-    xp.subtract(image[..., 0], image[..., -1], out=out[0, ..., -1])
-    xp.subtract(image[..., 1:, :], image[..., :-1, :], out=out[1, ..., :-1, :])
-    return out
-
-
-def _adjoint_gradient(gradient: Array) -> Array:
-    """D^T j."""
-    x, y = gradient
-    out = -x
-    out[..., 1:] += x[..., :-1]
-    out[..., 0] += x[..., -1]
-    out[..., :-1, :] -= y[..., :-1, :]
-    out[..., 1:, :] += y[..., :-1, :]
-    return out
 
 
 class DeviceFrame:

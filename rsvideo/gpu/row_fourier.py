@@ -10,73 +10,112 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import complex64, cuda, float32
+from numba import complex64, cuda, float32, int32, uint32
 
-from rsvideo.gpu.arrays import Array, blocks_of, launch, xp
+from rsvideo.gpu.arrays import Array, OutOfMemory, blocks_of, launch, xp
 from rsvideo.physics.row_fourier import Extent, Grid
 
-_THREADS = 128  # of a block, each with a frequency
+_THREADS = 128  # of a block at most, each with a frequency
+_WARP = 32  # threads that run in step
 _TURN = 2 * math.pi
+_TOGETHER = 4  # offsets of a normal matrix's row that a thread sums up side by side
+_MOST = 1 << 32  # entries that a uint32 finds
 
 
 @no_type_check
 @cuda.jit(cache=True)
-def _symbol(dx, first, across, period, symbol):
-    """A_f(i, base_i + o) = (1/K) sum_k exp(2 pi i f dx_ik) w(o - first_ik); symbol is zero on entry."""
-    t, i = cuda.blockIdx.z, cuda.blockIdx.y
-    samples, taps = across.shape[2], across.shape[3]
+def _symbol(turns, first, across, samples, width, frequencies, symbol):
+    """A_f(i, base_i + o) = (1/K) sum_k exp(2 pi i f dx_ik / period) w(o - first_ik), w over two rows; symbol is zero on entry.
+
+    The two rows are written to when the path leaves them.
+    """
+    row = int32(cuda.blockIdx.z * cuda.gridDim.y + cuda.blockIdx.y)
+    samples, width, frequencies = int32(samples), int32(width), int32(frequencies)
     share = float32(1) / float32(samples)
-    for f in range(cuda.grid(1), symbol.shape[3], cuda.gridsize(1)):
-        for k in range(samples):
-            turns = dx[t, i, k] * f / period  # in double precision: many turns at the highest frequencies
-            angle = float32(_TURN * (turns - math.floor(turns)))
+    f = int32(cuda.grid(1))
+    while f < frequencies:
+        begin = row * width * frequencies + f
+        at = first[uint32(row * samples)]
+        low, high = complex64(0), complex64(0)
+        for n in range(int32(row * samples), int32((row + 1) * samples)):
+            if first[uint32(n)] != at:
+                symbol[uint32(begin + at * frequencies)] += low
+                symbol[uint32(begin + (at + 1) * frequencies)] += high
+                at = first[uint32(n)]
+                low, high = complex64(0), complex64(0)
+            turned = turns[uint32(n)] * f  # in double precision: many turns at the highest frequencies
+            angle = float32(_TURN * (turned - math.floor(turned)))
             z = complex64(complex(math.cos(angle) * share, math.sin(angle) * share))
-            for tap in range(taps):
-                symbol[t, i, first[t, i, k] + tap, f] += z * across[t, i, k, tap]
+            low += z * across[uint32(2 * n)]
+            high += z * across[uint32(2 * n + 1)]
+        symbol[uint32(begin + at * frequencies)] += low
+        symbol[uint32(begin + (at + 1) * frequencies)] += high
+        f = int32(f + cuda.gridsize(1))
 
 
 @no_type_check
 @cuda.jit(cache=True)
-def _forward(symbol, base, x, out):
-    """out[i] = sum_o A[i, o] x[base_i + o]; x (tiles, channels, latent rows, frequencies), out with rows."""
-    t, i = cuda.blockIdx.z, cuda.blockIdx.y
-    j = base[t, i]
-    for f in range(cuda.grid(1), symbol.shape[3], cuda.gridsize(1)):
-        for c in range(x.shape[1]):
+def _forward(symbol, base, channels, latent_rows, width, frequencies, x, out):
+    """out[i] = sum_o A[i, o] x[base_i + o]; x (tiles, channels, latent rows, frequencies), out with rows; all flat."""
+    rows, t, i = int32(cuda.gridDim.y), int32(cuda.blockIdx.z), int32(cuda.blockIdx.y)
+    latent_rows, width, step = int32(latent_rows), int32(width), int32(frequencies)
+    f = int32(cuda.grid(1))
+    while f < step:
+        for c in range(int32(t * channels), int32((t + 1) * channels)):
+            at = (t * rows + i) * width * step + f
+            of = (c * latent_rows + base[t, i]) * step + f
             total = complex64(0)
-            for o in range(symbol.shape[2]):
-                total += symbol[t, i, o, f] * x[t, c, j + o, f]
-            out[t, c, i, f] = total
+            for _ in range(width):
+                total += symbol[uint32(at)] * x[uint32(of)]
+                at, of = at + step, of + step
+            out[uint32((c * rows + i) * step + f)] = total
+        f = int32(f + cuda.gridsize(1))
 
 
 @no_type_check
 @cuda.jit(cache=True)
-def _adjoint(symbol, base, readers, y, out):
+def _adjoint(symbol, base, readers, channels, width, frequencies, y, out):
     """out[j] = sum_i conj(A[i, j - base_i]) y[i], over the scanlines [readers_j0, readers_j1) that may see row j."""
-    t, j = cuda.blockIdx.z, cuda.blockIdx.y
-    for f in range(cuda.grid(1), symbol.shape[3], cuda.gridsize(1)):
-        for c in range(y.shape[1]):
+    latent_rows, t, j = int32(cuda.gridDim.y), int32(cuda.blockIdx.z), int32(cuda.blockIdx.y)
+    rows, width, step = int32(base.shape[1]), int32(width), int32(frequencies)
+    f = int32(cuda.grid(1))
+    while f < step:
+        for c in range(int32(t * channels), int32((t + 1) * channels)):
             total = complex64(0)
             for i in range(readers[t, j, 0], readers[t, j, 1]):
-                o = j - base[t, i]
-                if 0 <= o < symbol.shape[2]:
-                    total += symbol[t, i, o, f].conjugate() * y[t, c, i, f]
-            out[t, c, j, f] = total
+                o = int32(j - base[t, i])
+                if 0 <= o < width:
+                    a = symbol[uint32(((t * rows + i) * width + o) * step + f)]
+                    total += a.conjugate() * y[uint32((c * rows + i) * step + f)]
+            out[uint32((c * latent_rows + j) * step + f)] = total
+        f = int32(f + cuda.gridsize(1))
 
 
 @no_type_check
 @cuda.jit(cache=True)
-def _gram(symbol, base, readers, band):
-    """The upper band of A^H A, (tiles, frequencies, latent rows, width)."""
-    t, j, width = cuda.blockIdx.z, cuda.blockIdx.y, symbol.shape[2]
-    for f in range(cuda.grid(1), symbol.shape[3], cuda.gridsize(1)):
-        for o in range(width):
-            total = complex64(0)
+def _gram(symbol, base, readers, width, frequencies, band):
+    """The upper band of A^H A, (tiles, frequencies, latent rows, width), flat."""
+    sums = cuda.local.array(_TOGETHER, complex64)
+    latent_rows, t, j = int32(cuda.gridDim.y), int32(cuda.blockIdx.z), int32(cuda.blockIdx.y)
+    rows, width, step = int32(base.shape[1]), int32(width), int32(frequencies)
+    f = int32(cuda.grid(1))
+    while f < step:
+        to = ((t * step + f) * latent_rows + j) * width
+        for o in range(int32(0), width, _TOGETHER):
+            for k in range(_TOGETHER):
+                sums[k] = 0
             for i in range(readers[t, j, 0], readers[t, j, 1]):
-                p = j - base[t, i]
+                p = int32(j - base[t, i])
                 if 0 <= p < width - o:
-                    total += symbol[t, i, p, f].conjugate() * symbol[t, i, p + o, f]
-            band[t, f, j, o] = total
+                    at = ((t * rows + i) * width + p) * step + f
+                    a = symbol[uint32(at)].conjugate()
+                    for k in range(_TOGETHER):
+                        if p + o + k < width:
+                            sums[k] += a * symbol[uint32(at + (o + k) * step)]
+            for k in range(_TOGETHER):
+                if o + k < width:
+                    band[uint32(to + o + k)] = sums[k]
+        f = int32(f + cuda.gridsize(1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,34 +142,43 @@ class RowFourier(Grid):
 
     def forward(self, latent: Array) -> Array:
         """K l, spectrum to spectrum: (tiles, channels, latent rows, frequencies) to (tiles, channels, rows, frequencies)."""
-        out = xp.empty((*latent.shape[:2], self.rows, self.frequencies), xp.complex64)
-        launch(_forward, self._blocks(self.rows), (_THREADS,), self.symbol, self.base, latent, out)
+        channels = latent.shape[1]
+        out = xp.empty((self.tiles, channels, self.rows, self.frequencies), xp.complex64)
+        how = channels, self.latent_rows, *self.symbol.shape[2:]
+        launch(_forward, *_laid_out(*self._of(self.rows)), self.symbol.reshape(-1), self.base, *how, latent.reshape(-1), out.reshape(-1))
         return out
 
     def adjoint(self, frame: Array) -> Array:
         """K^H b, spectrum to spectrum."""
-        out = xp.empty((*frame.shape[:2], self.latent_rows, self.frequencies), xp.complex64)
-        launch(_adjoint, self._blocks(self.latent_rows), (_THREADS,), self.symbol, self.base, self.readers, frame, out)
+        channels = frame.shape[1]
+        out = xp.empty((self.tiles, channels, self.latent_rows, self.frequencies), xp.complex64)
+        how = self.base, self.readers, channels, *self.symbol.shape[2:]
+        launch(_adjoint, *_laid_out(*self._of(self.latent_rows)), self.symbol.reshape(-1), *how, frame.reshape(-1), out.reshape(-1))
         return out
 
     def gram(self) -> Array:
         """The upper bands of A^H A, (tiles * frequencies, latent rows, width), as `rsvideo.gpu.banded` stores them."""
         width = self.symbol.shape[2]
-        band = xp.empty((self.tiles, self.frequencies, self.latent_rows, width), xp.complex64)
-        launch(_gram, self._blocks(self.latent_rows), (_THREADS,), self.symbol, self.base, self.readers, band)
-        return band.reshape(-1, self.latent_rows, width)
+        band = xp.empty((self.tiles * self.frequencies, self.latent_rows, width), xp.complex64)
+        how = self.base, self.readers, width, self.frequencies
+        launch(_gram, *_laid_out(*self._of(self.latent_rows)), self.symbol.reshape(-1), *how, band.reshape(-1))
+        return band
 
-    def _blocks(self, rows: int) -> tuple[int, int, int]:
-        return blocks_of(self.frequencies, _THREADS), rows, self.tiles
+    def _of(self, rows: int) -> tuple[int, int, int]:
+        return self.frequencies, rows, self.tiles
 
 
 def row_fourier(displacement: Float[np.ndarray, "tiles rows samples 2"], reach: Extent) -> RowFourier:
     """The operator of tiles whose scanline i samples the latent image at offsets `displacement[t, i, k]` (x, y), within `reach`."""
-    tiles, rows = displacement.shape[:2]
+    tiles, rows, samples, _ = displacement.shape
+    entries = tiles * max(rows, reach.latent_rows) * reach.width * reach.frequencies
+    if entries >= _MOST:
+        raise OutOfMemory(8 * entries, 8 * entries)
     symbol = xp.zeros((tiles, rows, reach.width, reach.frequencies), xp.complex64)
-    dx = xp.asarray(np.ascontiguousarray(displacement[..., 0], dtype=float))
-    how = dx, xp.asarray(reach.first.astype(np.int32)), xp.asarray(reach.across.astype(np.float32)), float(reach.period)
-    launch(_symbol, (blocks_of(symbol.shape[3], _THREADS), rows, tiles), (_THREADS,), *how, symbol)
+    turns = xp.asarray(np.ascontiguousarray(displacement[..., 0] / reach.period, dtype=float).ravel())
+    first, across = xp.asarray(reach.first.astype(np.int32).ravel()), xp.asarray(reach.across.astype(np.float32).ravel())
+    how = samples, reach.width, reach.frequencies
+    launch(_symbol, *_laid_out(reach.frequencies, rows, tiles), turns, first, across, *how, symbol.reshape(-1))
     return RowFourier(
         rows=rows,
         top=reach.top,
@@ -141,6 +189,12 @@ def row_fourier(displacement: Float[np.ndarray, "tiles rows samples 2"], reach: 
         readers=xp.asarray(_readers(reach.base, reach.width, reach.latent_rows)),
         symbol=symbol,
     )
+
+
+def _laid_out(frequencies: int, rows: int, tiles: int) -> tuple[tuple[int, int, int], tuple[int]]:
+    """Blocks and threads, one a frequency."""
+    threads = min(_THREADS, -(-frequencies // _WARP) * _WARP)
+    return (blocks_of(frequencies, threads), rows, tiles), (threads,)
 
 
 def _readers(base: np.ndarray, width: int, latent_rows: int) -> np.ndarray:

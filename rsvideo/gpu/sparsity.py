@@ -9,9 +9,9 @@ from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float
-from numba import cuda, float32
+from numba import cuda, float32, int32, uint32
 
-from rsvideo.gpu.arrays import Array, launch, to_host, xp
+from rsvideo.gpu.arrays import Array, blocks_of, launch, to_host, xp
 from rsvideo.gpu.frame import System
 from rsvideo.physics.row_fourier import extent
 
@@ -53,6 +53,21 @@ def _sensitivity(m, mx, latent, lx, residual, km, offsets, widths, top, left, ou
         samples = float32(offsets.shape[2])
         out[t, i, k, 0] = across[0] / samples
         out[t, i, k, 1] = down[0] / samples
+
+
+@no_type_check
+@cuda.jit(cache=True)
+def _means(image, length, step, half, share, out):
+    """Along one side of an image, whose entries lie `step` apart, `share` times the sum of those up to `half` away."""
+    length, step, half = int32(length), int32(step), int32(half)
+    n = int32(cuda.grid(1))
+    while n < len(out):
+        place = int32(n // step % length)
+        total = float32(0)
+        for k in range(-min(half, place), min(half, length - 1 - place) + 1):
+            total += image[uint32(n + k * step)]
+        out[uint32(n)] = total * share
+        n = int32(n + cuda.gridsize(1))
 
 
 class Eliminated:
@@ -121,11 +136,11 @@ class Eliminated:
 
 
 def box(image: Array, window: int) -> Array:
-    """The mean over a window about each pixel, 0 beyond the image; in double precision, for sums over whole lines lose digits."""
-    half = window // 2
-    out = image.astype(xp.float64)
-    for axis in (0, 1):
-        length = out.shape[axis]
-        sums = xp.cumsum(xp.pad(out, [(half + 1, half) if side == axis else (0, 0) for side in range(2)]), axis=axis)
-        out = xp.take(sums, xp.arange(window, window + length), axis=axis) - xp.take(sums, xp.arange(length), axis=axis)
-    return (out / window**2).astype(xp.float32)
+    """The mean over a window, odd, about each pixel; 0 beyond the image."""
+    rows, cols = image.shape
+    for length, step in ((rows, cols), (cols, 1)):
+        flat, means = xp.ascontiguousarray(image, xp.float32).reshape(-1), xp.empty(image.size, xp.float32)
+        how = length, step, window // 2, xp.float32(1 / window)
+        launch(_means, (blocks_of(image.size, _THREADS),), (_THREADS,), flat, *how, means)
+        image = means.reshape(rows, cols)
+    return image

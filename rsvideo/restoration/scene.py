@@ -1,8 +1,10 @@
 """What a trajectory is estimated from: a grey frame along its scanlines, normalised, with the camera that took it."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from typing import Literal
 
 import cv2
@@ -154,28 +156,36 @@ def spread(scene: Scene, cols: int) -> Scene:
     return replace(scene, tiles=count, chosen=tuple(int(max(part, key=texture.__getitem__)) for part in parts))
 
 
-def halved(scene: Scene) -> Scene:
-    """The same at half the resolution, all its columns."""
-    rows, cols = (n // 2 for n in scene.frame.shape)
-    frame, valid = (cv2.resize(a[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA) for a in (scene.frame, scene.valid))
-    return Scene(
-        frame=frame,
-        valid=np.floor(valid),  # where one of four is clipped, the whole is
-        camera=scene.camera.halved(),
-        samples=math.ceil(scene.samples / 2),
-        tiles=max(1, round(scene.tiles / 2)),
-        noise=noise_level(frame) if scene.camera.noise is None else scene.noise / 2,  # the mean of four independent pixels
-        flow=scene.flow and scene.flow.scaled(0.5),
-        scale=scene.scale / 2,
-        device=scene.device,
-    )
+def halved(scene: Scene, times: int = 1) -> Scene:
+    """The same at half the resolution, all its columns; as often as wanted."""
+    for _ in range(times):
+        rows, cols = (n // 2 for n in scene.frame.shape)
+        frame, valid = (
+            cv2.resize(a[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA) for a in (scene.frame, scene.valid)
+        )
+        scene = Scene(
+            frame=frame,
+            valid=np.floor(valid),  # where one of four is clipped, the whole is
+            camera=scene.camera.halved(),
+            samples=math.ceil(scene.samples / 2),
+            tiles=max(1, round(scene.tiles / 2)),
+            noise=scene.noise / 2,  # the mean of four independent pixels
+            flow=scene.flow and scene.flow.scaled(0.5),
+            scale=scene.scale / 2,
+            device=scene.device,
+        )
+    return replace(scene, noise=noise_level(scene.frame)) if times and scene.camera.noise is None else scene
 
 
 def shrunk(scene: Scene, blur: float, most: float) -> Scene:
     """The same, halved until its blur, of `blur` px in the whole frame, has `most` px or fewer."""
-    while blur * scene.scale > most and min(scene.frame.shape) > SMALLEST:
-        scene = halved(scene)
-    return scene
+    shortest = min(scene.frame.shape)
+    return halved(scene, _halvings(lambda times: blur * scene.scale / 2**times > most and shortest >> times > SMALLEST))
+
+
+def _halvings(large: Callable[[int], bool]) -> int:
+    """How many it takes until a scene is not too large any more."""
+    return next(times for times in count() if not large(times))
 
 
 def reduced(scene: Scene, blur: float = 0.0) -> Scene:
@@ -183,7 +193,6 @@ def reduced(scene: Scene, blur: float = 0.0) -> Scene:
 
     It has as many path samples an exposure as its blur has px: fewer would make a comb of it.
     """
-    while max(scene.frame.shape) > LARGEST:
-        scene = halved(scene)
+    scene = halved(scene, _halvings(lambda times: max(scene.frame.shape) >> times > LARGEST))
     scene = shrunk(scene, blur, SAMPLES)
     return replace(scene, samples=max(scene.samples, math.ceil(blur * scene.scale)))

@@ -32,25 +32,29 @@ def main() -> int:
     from numba import boolean, complex64, cuda, float32, float64, int8, int32, int64, types
     from numba.cuda import dispatcher
 
-    from rsvideo.gpu import banded, collaborative_filter, row_fourier, sparsity
+    from rsvideo.gpu import banded, collaborative_filter, row_fourier, sparsity, total_variation
 
     def array(kind: types.Type, sides: int) -> types.Array:
         return types.Array(kind, sides, "C")
 
-    bands, symbol, spectra = array(complex64, 2), array(complex64, 4), array(complex64, 4)
+    bands, flat, line = array(complex64, 2), array(complex64, 1), array(float32, 1)
     base, readers, offsets, places = array(int32, 2), array(int32, 3), array(int8, 4), array(int32, 1)
     picture, picture4, sums = array(float32, 3), array(float32, 4), array(int64, 3)
     kernels = {
-        banded._factor_in_window: (bands, int64, array(float32, 1), float32, bands),
-        banded._factor_in_place: (bands, int64, array(float32, 1), float32, bands),
-        banded._solve: (bands, int64, int64, spectra, spectra),
-        row_fourier._symbol: (array(float64, 3), array(int32, 3), array(float32, 4), float64, symbol),
-        row_fourier._forward: (symbol, base, spectra, spectra),
-        row_fourier._adjoint: (symbol, base, readers, spectra, spectra),
-        row_fourier._gram: (symbol, base, readers, array(complex64, 4)),
-        collaborative_filter._search: (array(float32, 2), places, places, offsets),
+        banded._factor_in_window: (bands, int64, int64, array(float32, 1), float32, bands),
+        banded._factor_in_place: (bands, int64, int64, array(float32, 1), float32, bands),
+        banded._solve: (bands, int64, int64, int64, int64, flat, flat),
+        row_fourier._symbol: (array(float64, 1), places, array(float32, 1), int64, int64, int64, flat),
+        row_fourier._forward: (flat, base, int64, int64, int64, int64, flat, flat),
+        row_fourier._adjoint: (flat, base, readers, int64, int64, int64, flat, flat),
+        row_fourier._gram: (flat, base, readers, int64, int64, flat),
+        collaborative_filter._search: (array(float32, 2), places, places, array(int8, 1), offsets),
+        sparsity._means: (line, int64, int64, int64, float32, line),
+        total_variation._split: (line, int64, int64, float32, line, line),
+        total_variation._join: (line, int64, int64, float32, line),
+        total_variation._complete: (array(boolean, 1), line, line, line, line, float32, line),
         sparsity._sensitivity: (*[picture4] * 6, array(float64, 4), places, int64, int64, picture4),
-        collaborative_filter._filter: (picture, picture, offsets, places, places, array(float32, 2), float32, boolean, sums, sums),
+        collaborative_filter._filter: (picture, picture, offsets, places, places, float32, boolean, sums, sums),
     }
     for architecture in ARCHITECTURES:
         stated = SimpleNamespace(compute_capability=architecture)
