@@ -35,6 +35,8 @@ LEAST_RIDGE, MOST_RIDGE = 1.5e-3, 0.1  # of rho; origin: by trial
 SEARCH_RIDGE = 3.0  # times rho, while paths are searched and judged: origin: by trial
 TEXTURE = 8.0  # times the noise's power, which a frame's gradients must exceed to show motion; origin: by trial
 LARGEST = 720  # px, the longer side up to which a scene is judged as it is; a larger one is halved
+FINEST = 960  # px, the same of a frame twice as large or more, whose blur would be too short to show; larger ones take too long
+SHOWN = 4.0  # px of blur
 SMALLEST = 160  # px, the shorter side up to which a scene is not halved for its blur
 LEAST_TEXTURE = 1e-7  # and this, white being 1
 _LEAST_POWER = 1e-12  # of gradients, white being 1; a frame without any divides by this
@@ -191,8 +193,14 @@ def _halvings(large: Callable[[int], bool]) -> int:
 def reduced(scene: Scene, blur: float = 0.0) -> Scene:
     """The same, halved until its longer side has at most LARGEST px, and its blur, of `blur` px in the whole frame, at most SAMPLES.
 
+    Where its blur would then be shorter than SHOWN px, it stays larger, up to FINEST px, once it is halved.
     It has as many path samples an exposure as its blur has px: fewer would make a comb of it.
     """
-    scene = halved(scene, _halvings(lambda times: max(scene.frame.shape) >> times > LARGEST))
-    scene = shrunk(scene, blur, SAMPLES)
+    longest = max(scene.frame.shape)
+
+    def large(times: int) -> bool:
+        short = times > 0 and 0 < blur * scene.scale / 2 ** (times + 1) < SHOWN
+        return longest >> times > (FINEST if short else LARGEST)
+
+    scene = shrunk(halved(scene, _halvings(large)), blur, SAMPLES)
     return replace(scene, samples=max(scene.samples, math.ceil(blur * scene.scale)))

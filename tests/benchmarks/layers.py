@@ -1,13 +1,14 @@
 """Film scenes of several depths, with things that move by themselves, by a rolling shutter, as cases for footage.py.
 
     python tests/benchmarks/layers.py PHOTOS --gyro LOG -o CASES [--clips 26] [--frames 16] [--half choose] [--seed 0]
-        [--vibration PX] [--pan PX]
+        [--vibration PX] [--pan PX] [--scale 1]
 
 PHOTOS is a folder of sharp pictures. Each scene has a photograph far away, up to two others cut out as pillars, ground or pebbles and
 nearer by up to ten times, and in one of two scenes a thing that moves by itself: so motion changes abruptly at borders, where no smooth
 field follows it. The camera turns as a random moment of LOG says, at 0.3 to 1.5 times its speed, and walks. Exposure is 4 to 33 ms, readout
 5 to 30 ms, at 30 frames a second; noise, clipping and H.264 as a camera's. --vibration adds a shake of 25 to 90 Hz and up to so many px,
 --pan a steady turn by 0.4 to 1 times so many px from frame to frame, mostly sideways; photographs are mirrored at their borders.
+Clips are of 640 x 360 px, and the numbers above those of such clips; --scale makes them larger, all px with them.
 Photographs of one half only are taken (corpus.py): what is chosen by the one can be reported by the other. CASES gets a folder a clip
 with clip.mp4, truth.mp4, the sharp scene at the middle of each frame's interval, and case.json. The blur of a frame is that of its middle
 scanline, in px at a depth between far and near.
@@ -65,9 +66,9 @@ def log_uniform(rng: np.random.Generator, bounds: tuple[float, float]) -> float:
     return float(np.exp(rng.uniform(*np.log(bounds))))
 
 
-def photograph(rng: np.random.Generator, photographs: list[Path]) -> np.ndarray:
+def photograph(rng: np.random.Generator, photographs: list[Path], scale: float) -> np.ndarray:
     """A part of one, in linear light, as large as a scene."""
-    rows, cols = ROWS + 2 * MARGIN, COLS + 2 * MARGIN
+    rows, cols = (round(scale * (side + 2 * MARGIN)) for side in (ROWS, COLS))
     codes = cv2.imread(str(photographs[rng.integers(len(photographs))]), cv2.IMREAD_COLOR)
     assert codes is not None
     fits = max(rows / codes.shape[0], cols / codes.shape[1])
@@ -96,16 +97,18 @@ def ellipse(mask: np.ndarray, middle: np.ndarray, axes: np.ndarray, turned: floa
     cv2.ellipse(mask, (int(middle[0]), int(middle[1])), (int(axes[0]), int(axes[1])), turned, 0, 360, 1, -1, cv2.LINE_AA)
 
 
-def scene(rng: np.random.Generator, photographs: list[Path]) -> list[Layer]:
+def scene(rng: np.random.Generator, photographs: list[Path], scale: float) -> list[Layer]:
     """From the farthest layer to the nearest, and what moves by itself."""
-    layers = [Layer(light=photograph(rng, photographs), depth=FARTHEST)]
+    layers = [Layer(light=photograph(rng, photographs, scale), depth=FARTHEST)]
     for _ in range(rng.integers(0, 3)):
-        layers.append(Layer(light=photograph(rng, photographs), covers=covered(rng), depth=float(rng.uniform(*NEAR))))
+        layers.append(Layer(light=photograph(rng, photographs, scale), covers=covered(rng), depth=float(rng.uniform(*NEAR))))
     if rng.uniform() < 0.5:
-        mask = np.zeros(layers[0].light.shape[:2], np.float32)
+        mask = np.zeros((ROWS + 2 * MARGIN, COLS + 2 * MARGIN), np.float32)
         ellipse(mask, MARGIN + rng.integers((0, ROWS // 3), (COLS, ROWS)), rng.integers((15, 40), (50, 120)))
         velocity = rng.normal(size=2) * rng.choice(THINGS)
-        layers.append(Layer(light=photograph(rng, photographs), covers=cv2.GaussianBlur(mask, (0, 0), 0.6), depth=1.0, velocity=velocity))
+        layers.append(
+            Layer(light=photograph(rng, photographs, scale), covers=cv2.GaussianBlur(mask, (0, 0), 0.6), depth=1.0, velocity=velocity)
+        )
     return layers
 
 
@@ -144,34 +147,36 @@ def camera(rng: np.random.Generator, log: GyroLog, seconds: float, vibration: fl
     return pose
 
 
-def shown(layers: list[Layer], pose: Pose, at: np.ndarray) -> np.ndarray:
+def shown(layers: list[Layer], pose: Pose, at: np.ndarray, scale: float) -> np.ndarray:
     """The scene at a time for each scanline."""
-    x, y = np.meshgrid(np.arange(COLS) - (COLS - 1) / 2, np.arange(ROWS) - (ROWS - 1) / 2)
-    out = np.zeros((ROWS, COLS, 3), np.float32)
+    rows, cols = len(at), round(scale * COLS)
+    x, y = np.meshgrid((np.arange(cols) - (cols - 1) / 2) / scale, (np.arange(rows) - (rows - 1) / 2) / scale)
+    out = np.zeros((rows, cols, 3), np.float32)
     for layer in layers:
         right, down, roll = (value[:, None] for value in pose(at, layer.depth))
         if layer.velocity is not None:
             right, down = right - layer.velocity[0] * (at[:, None] - LEAD), down - layer.velocity[1] * (at[:, None] - LEAD)
         u = (x - roll * y + right + MARGIN + (COLS - 1) / 2).astype(np.float32)
         v = (y + roll * x + down + MARGIN + (ROWS - 1) / 2).astype(np.float32)
-        light = cv2.remap(layer.light, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+        at = np.float32(scale) * np.stack([u, v]) + np.float32((scale - 1) / 2)
+        light = cv2.remap(layer.light, at[0], at[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
         share = 1 if layer.covers is None else cv2.remap(layer.covers, u, v, cv2.INTER_LINEAR)[..., None]
         out += share * (light - out)
     return np.clip(out, 0, 1)
 
 
-def stream(path: Path, frames: int) -> Stream:
+def stream(path: Path, frames: int, rows: int, cols: int) -> Stream:
     """What is written: H.264 of BT.709."""
     return Stream(
         path=path,
         codec="h264",
-        rows=ROWS,
-        cols=COLS,
+        rows=rows,
+        cols=cols,
         rate=Fraction(RATE),
         time_base=Fraction(1, RATE),
         times=np.arange(frames),
         end=frames,
-        colour=tags.untagged("yuv420p", ROWS, matrix=Matrix.BT709, full_range=False),
+        colour=tags.untagged("yuv420p", rows, matrix=Matrix.BT709, full_range=False),
         files=(path,),  # pictures that no container holds
     )
 
@@ -179,29 +184,32 @@ def stream(path: Path, frames: int) -> Stream:
 def made(case: Path, photographs: list[Path], log: GyroLog, args: argparse.Namespace, number: int) -> None:
     """The folder of one clip."""
     rng = np.random.default_rng([args.seed, number, args.half == "choose"])
-    timing = ShutterTiming.from_readout(exposure=log_uniform(rng, EXPOSURE), readout=rng.uniform(*READOUT), rows=ROWS)
+    rows, cols = round(args.scale * ROWS), round(args.scale * COLS)
+    timing = ShutterTiming.from_readout(exposure=log_uniform(rng, EXPOSURE), readout=rng.uniform(*READOUT), rows=rows)
     pose = camera(rng, log, 2 * LEAD + args.frames / RATE + 0.1, args.vibration, args.pan)
-    layers, gain, noise = scene(rng, photographs), float(rng.choice(GAINS)), log_uniform(rng, NOISE)
+    layers, gain, noise = scene(rng, photographs, args.scale), float(rng.choice(GAINS)), log_uniform(rng, NOISE)
     qualities = {"clip.mp4": float(rng.choice(QUALITY)), "truth.mp4": TRUTH}
-    samples = max(SAMPLES, math.ceil(args.pan * RATE * timing.exposure))
-    scanlines, when = np.arange(ROWS) * timing.row_time, (np.arange(samples) + 0.5) / samples * timing.exposure
-    middle = (ROWS // 2) * timing.row_time + np.linspace(0, timing.exposure, SAMPLES)
+    samples = max(math.ceil(args.scale * SAMPLES), math.ceil(args.scale * args.pan * RATE * timing.exposure))
+    scanlines, when = np.arange(rows) * timing.row_time, (np.arange(samples) + 0.5) / samples * timing.exposure
+    middle = (rows // 2) * timing.row_time + np.linspace(0, timing.exposure, SAMPLES)
     case.mkdir(parents=True)
-    clip, truth = (Writer(case / n, stream(case / n, args.frames), Encoding(codec="h264", crf=crf)) for n, crf in qualities.items())
+    clip, truth = (
+        Writer(case / n, stream(case / n, args.frames, rows, cols), Encoding(codec="h264", crf=crf)) for n, crf in qualities.items()
+    )
     blur = []
     with clip, truth:
         for k in range(args.frames):
             opens = LEAD + k / RATE
-            light = np.mean([shown(layers, pose, opens + scanlines + t) for t in when], axis=0)
+            light = np.mean([shown(layers, pose, opens + scanlines + t, args.scale) for t in when], axis=0)
             light = np.minimum(gain * light, 1)
             light += noise * np.sqrt(0.3 + light) * rng.normal(size=light.shape)
-            sharp = gain * shown(layers, pose, np.full(ROWS, opens + timing.middle))
+            sharp = gain * shown(layers, pose, np.full(rows, opens + timing.middle), args.scale)
             for writer, pixels in ((clip, light), (truth, sharp)):
                 picture = Picture(planes=(), index=k, pts=k, duration=1, time=k / RATE)
                 writer.write(colour.encoded(np.clip(pixels, 0, 1).astype(np.float32), picture, writer.colour))
             right, down, _ = pose(opens + middle, BETWEEN)
-            blur.append(round(float(np.hypot(np.diff(right), np.diff(down)).sum()), 3))
-    shape = {"rows": ROWS, "cols": COLS, "fps": RATE, "frames": args.frames, "transfer": "bt709"}
+            blur.append(round(args.scale * float(np.hypot(np.diff(right), np.diff(down)).sum()), 3))
+    shape = {"rows": rows, "cols": cols, "fps": RATE, "frames": args.frames, "transfer": "bt709"}
     facts = {"kind": "clip", **shutter_facts(timing), **shape, "blur_extent_px": float(np.median(blur)), "blur_px": blur}
     facts["layers"] = [{"depth": layer.depth, "moves": layer.velocity is not None} for layer in layers]
     (case / "case.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
@@ -220,11 +228,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--vibration", type=float, default=0.0, metavar="PX")
     parser.add_argument("--pan", type=float, default=0.0, metavar="PX")
+    parser.add_argument("--scale", type=float, default=1.0)
     args = parser.parse_args()
     photographs = sorted(p for p in args.photographs.glob("*.jpg") if half(p) == args.half)
     log = gyro.parse(args.gyro.read_text().splitlines())
+    options = {"vibration": args.vibration, "pan": args.pan, "scale": args.scale if args.scale != 1 else 0}
     for number in range(args.clips):
-        moved = "".join(f"-{name}{px:g}" for name, px in (("vibration", args.vibration), ("pan", args.pan)) if px)
+        moved = "".join(f"-{name}{value:g}" for name, value in options.items() if value)
         case = args.output / f"layers-{args.half}-{args.seed}-{number:03}{moved}"
         if not (case / "case.json").is_file():
             made(case, photographs, log, args, number)
