@@ -158,8 +158,8 @@ def shown(layers: list[Layer], pose: Pose, at: np.ndarray, scale: float) -> np.n
             right, down = right - layer.velocity[0] * (at[:, None] - LEAD), down - layer.velocity[1] * (at[:, None] - LEAD)
         u = (x - roll * y + right + MARGIN + (COLS - 1) / 2).astype(np.float32)
         v = (y + roll * x + down + MARGIN + (ROWS - 1) / 2).astype(np.float32)
-        at = np.float32(scale) * np.stack([u, v]) + np.float32((scale - 1) / 2)
-        light = cv2.remap(layer.light, at[0], at[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+        source = np.float32(scale) * np.stack([u, v]) + np.float32((scale - 1) / 2)
+        light = cv2.remap(layer.light, source[0], source[1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
         share = 1 if layer.covers is None else cv2.remap(layer.covers, u, v, cv2.INTER_LINEAR)[..., None]
         out += share * (light - out)
     return np.clip(out, 0, 1)
