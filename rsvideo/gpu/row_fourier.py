@@ -19,7 +19,7 @@ _THREADS = 128  # of a block at most, each with a frequency
 _WARP = 32  # threads that run in step
 _TURN = 2 * math.pi
 _TOGETHER = 4  # offsets of a normal matrix's row that a thread sums up side by side
-_MOST = 1 << 32  # entries that a uint32 finds
+_MOST = 1 << 31  # entries that an int32 finds
 
 
 @no_type_check
