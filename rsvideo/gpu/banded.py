@@ -106,8 +106,8 @@ def _factor_in_window(band, rows, chunk, diagonal, neighbour, factor):
     pivots, shared = cuda.shared.array(_AT_ONCE, float32), cuda.shared.array(0, complex64)
     held = int32(width - 1 + chunk)
     window, pivot = shared[y * held * width : (y + 1) * held * width], pivots[y : y + 1]
-    how = diagonal[s % len(diagonal)], neighbour
-    _cholesky(band[s], int32(rows), width, how[0], how[1], window, held, int32(chunk), pivot, wanted, factor[s])
+    own = diagonal[s % len(diagonal)]
+    _cholesky(band[s], int32(rows), width, own, neighbour, window, held, int32(chunk), pivot, wanted, factor[s])
 
 
 @no_type_check
@@ -115,8 +115,8 @@ def _factor_in_window(band, rows, chunk, diagonal, neighbour, factor):
 def _factor_in_place(band, rows, chunk, diagonal, neighbour, factor):
     s, width = cuda.blockIdx.x, int32(band.shape[1] // rows)
     pivot = cuda.shared.array(1, float32)
-    how = diagonal[s % len(diagonal)], neighbour
-    _cholesky(band[s], int32(rows), width, how[0], how[1], factor[s], int32(rows), int32(chunk), pivot, True, factor[s])
+    own = diagonal[s % len(diagonal)]
+    _cholesky(band[s], int32(rows), width, own, neighbour, factor[s], int32(rows), int32(chunk), pivot, True, factor[s])
 
 
 @no_type_check

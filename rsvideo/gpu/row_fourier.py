@@ -145,7 +145,7 @@ class RowFourier(Grid):
         channels = latent.shape[1]
         out = xp.empty((self.tiles, channels, self.rows, self.frequencies), xp.complex64)
         how = channels, self.latent_rows, *self.symbol.shape[2:]
-        launch(_forward, *_laid_out(*self._of(self.rows)), self.symbol.reshape(-1), self.base, *how, latent.reshape(-1), out.reshape(-1))
+        launch(_forward, *self._laid_out(self.rows), self.symbol.reshape(-1), self.base, *how, latent.reshape(-1), out.reshape(-1))
         return out
 
     def adjoint(self, frame: Array) -> Array:
@@ -153,7 +153,7 @@ class RowFourier(Grid):
         channels = frame.shape[1]
         out = xp.empty((self.tiles, channels, self.latent_rows, self.frequencies), xp.complex64)
         how = self.base, self.readers, channels, *self.symbol.shape[2:]
-        launch(_adjoint, *_laid_out(*self._of(self.latent_rows)), self.symbol.reshape(-1), *how, frame.reshape(-1), out.reshape(-1))
+        launch(_adjoint, *self._laid_out(self.latent_rows), self.symbol.reshape(-1), *how, frame.reshape(-1), out.reshape(-1))
         return out
 
     def gram(self) -> Array:
@@ -161,11 +161,11 @@ class RowFourier(Grid):
         width = self.symbol.shape[2]
         band = xp.empty((self.tiles * self.frequencies, self.latent_rows, width), xp.complex64)
         how = self.base, self.readers, width, self.frequencies
-        launch(_gram, *_laid_out(*self._of(self.latent_rows)), self.symbol.reshape(-1), *how, band.reshape(-1))
+        launch(_gram, *self._laid_out(self.latent_rows), self.symbol.reshape(-1), *how, band.reshape(-1))
         return band
 
-    def _of(self, rows: int) -> tuple[int, int, int]:
-        return self.frequencies, rows, self.tiles
+    def _laid_out(self, rows: int) -> tuple[tuple[int, int, int], tuple[int]]:
+        return _laid_out(self.frequencies, rows, self.tiles)
 
 
 def row_fourier(displacement: Float[np.ndarray, "tiles rows samples 2"], reach: Extent) -> RowFourier:
