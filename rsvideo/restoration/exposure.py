@@ -27,12 +27,12 @@ from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration import sparsity
 from rsvideo.restoration.camera_path import CameraPath, within
-from rsvideo.restoration.clip_motion import Run, beside, path_from_tracks, scene_at, votes
+from rsvideo.restoration.clip_motion import Run, beside, path_from_tracks, scene_at
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.spectrum import Patches, Spectrum, patches
-from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations
+from rsvideo.restoration.trust import FULL_VOTE
 from rsvideo.restoration.verdict import across
 
 RATIO = 1.12  # from one exposure to the next
@@ -102,17 +102,6 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     if blur < PLAIN:
         return Unclear(reason=f"its motion leaves too little blur, about {blur:.1f} px", most=min(most, period))
     return Exposure(value=value, deviation=value * float(np.hypot(deviation, np.log(RATIO) / np.sqrt(12))), blur=blur)
-
-
-def in_better_focus(run: Run, stated: float, shown: float) -> bool:
-    """Whether the frames that move most are in focus along their path with a stated exposure, and more so than with the one that is shown.
-
-    Spectra of a scene mislead where most of its edges lie in one direction, and in all of a clip's frames alike.
-    """
-    path = path_from_tracks(run)
-    frames = _most_moving(run, path)[:FRAMES]
-    focus, other = (deviations(votes(run.exposed(np.full(len(run.begins), seconds)), path, frames)) for seconds in (stated, shown))
-    return focus > max(CHANCE, other)
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
