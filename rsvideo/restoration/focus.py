@@ -9,6 +9,8 @@ About the true path, and only there, f has a dip besides. Its depth,
 does not feel the slope beside it, as a lens is focused by the sharpest of a series of pictures and not by their brightness.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from jaxtyping import Float
@@ -16,10 +18,20 @@ from jaxtyping import Float
 from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration import sparsity
+from rsvideo.restoration.evidence import certainty
 from rsvideo.restoration.scene import Scene
 
 SCALE = 1.25  # a: the dip is about as wide as this ratio
 _TERMS = ((1.0, -1.0), (1 / SCALE, 0.5), (SCALE, 0.5))  # factors of the path, and weights of f along it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Focus:
+    """s over a frame."""
+
+    about: Float[np.ndarray, "rows cols"]  # each pixel, 0 where there is no texture to tell by
+    whole: float
+    surely: float  # standard errors by which that is above 0, by how far blocks of the frame agree
 
 
 def focus(scene: Scene, path: Trajectory, sparse: float = 0.0) -> tuple[float, Float[np.ndarray, "terms axes"]]:
@@ -43,11 +55,15 @@ def focus_value(scene: Scene, path: Trajectory) -> float:
     )
 
 
-def focus_map(scene: Scene, path: Trajectory, size: float) -> tuple[Float[np.ndarray, "rows cols"], float]:
-    """s(theta) of the `size` px about each pixel, 0 where there is no texture to tell by; and of the whole frame."""
+def focus_map(scene: Scene, path: Trajectory, size: float) -> Focus:
+    """s(theta) of the `size` px about each pixel, and of the whole frame."""
     total = counted = np.zeros(scene.frame.shape, np.float32)
     for factor, weight in _TERMS:
         value, counted = sparsity.density(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
         total = total + np.float32(weight) * value
     local = [cv2.GaussianBlur(image, (0, 0), size / 2) for image in (total, counted)]
-    return local[0] / np.maximum(local[1], 1e-6), float(total.sum() / max(counted.sum(), 1e-6))
+    return Focus(
+        about=local[0] / np.maximum(local[1], 1e-6),
+        whole=float(total.sum() / max(counted.sum(), 1e-6)),
+        surely=certainty(total, counted),
+    )

@@ -61,7 +61,8 @@ class Fused:
     """A frame restored with its neighbours, and how well the one that agrees best explains it."""
 
     latent: Float[np.ndarray, "rows cols channels"]
-    explained: Float[np.ndarray, "rows cols"]  # 0 to 1; 1 also where no neighbour shows the place
+    explained: Float[np.ndarray, "rows cols"]  # 0 to 1
+    shown: Bool[np.ndarray, "rows cols"]  # whether any neighbour shows the place
     support: Float[np.ndarray, "rows cols"]  # 0 to 1: the share that the frame's own data grant, or neighbours that count as much
 
 
@@ -105,8 +106,7 @@ def fused(
             weights += weight
     total /= weights[..., None]
     latent = frame.towards(total, RIDGE)
-    explained = np.where(shown, explained, np.float32(1))
-    return Fused(latent=latent, explained=explained, support=np.minimum(weights / np.float32(first.weight), 1))
+    return Fused(latent=latent, explained=explained, shown=shown, support=np.minimum(weights / np.float32(first.weight), 1))
 
 
 def _grey(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:

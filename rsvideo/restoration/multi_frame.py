@@ -28,7 +28,7 @@ STILL = 0.25  # px that the pose moves within a frame; below, the frame is left 
 MOVING = 1.0  # px, from which on it is fully restored
 TIMES = 33  # at which a frame's path is followed to see how far it leads
 LEAST_SHARE = 0.02  # of the restoration, over the frame; less is not worth the work
-SHARP_ENOUGH = 3.0  # px of blur, up to which a frame that is rectified only serves its neighbours
+SHARP_ENOUGH = 6.0  # px of blur, up to which a frame that is rectified only serves its neighbours
 ALONE = 0.6  # of a frame's work is done when it is restored by itself
 
 
@@ -171,7 +171,8 @@ def _straight(view: View, path: Trajectory, evidence: Evidence | None, moved: fl
     if not evidence:
         return view.pixels
     followed = path.with_coefficients(evidence.certainty * path.coefficients)
-    return view.pixels + np.float32(moved) * (rectified(view, followed, flow=evidence.flow).pixels - view.pixels)
+    flow = evidence.flow and evidence.flow.times(evidence.certainty)
+    return view.pixels + np.float32(moved) * (rectified(view, followed, flow=flow).pixels - view.pixels)
 
 
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
@@ -188,7 +189,8 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
         both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own)
         latent = nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent
         if waiting.evidence:
-            waiting = replace(waiting, share=waiting.share * agreement(both.explained)[..., None], own=both.support)
+            agreed = agreement(both.explained, both.shown, waiting.evidence.certainty)
+            waiting = replace(waiting, share=waiting.share * agreed[..., None], own=both.support)
     elif waiting.draft:
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent
     else:

@@ -83,6 +83,10 @@ class Flow:
         """In the columns from `first` on."""
         return replace(self, points=self.points - (first, 0))
 
+    def times(self, factor: float) -> "Flow":
+        """So many times the velocities."""
+        return replace(self, weights=factor * self.weights)
+
     @property
     def across(self) -> "Flow":
         """The same velocities turned by a right angle, as restoration.verdict.across turns a path."""

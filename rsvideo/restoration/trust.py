@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.focus import focus_map
@@ -17,9 +17,9 @@ from rsvideo.restoration.scene import Scene, reduced
 
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
 OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
-FRAME_DOUBT = 1.5e-3  # s of a whole frame, by which it may be below its limit before it is not restored at all
-LONG_DOUBT, LONG_BLUR = 3e-3, 0.014  # that limit along a path that nothing makes certain, for each time the blur is so long, of the longer
-# side: a long path that is wrong does most harm; all three chosen on scenes of several depths
+FRAME_DOUBT = 1.5e-3  # s of a whole frame, by which it may be below 0 before it is not restored at all
+SURELY, DOUBT = 5.0, 2.0  # standard errors that s of a whole frame must be above 0 along a path that nothing makes certain, and by how many
+# it may be below that before it is not restored at all; all three chosen on scenes of several depths
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
@@ -55,10 +55,9 @@ def trust(scene: Scene, path: Trajectory, length: float, certainty: float) -> Fl
     if length <= SHORT:
         return np.zeros((rows, cols), np.float32)
     scene = reduced(scene, length)
-    focus, whole = focus_map(scene, path, REGION * min(scene.frame.shape))
-    share = np.clip((focus - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
-    limit = LONG_DOUBT * (1 - certainty) * length / (LONG_BLUR * max(rows, cols))
-    share *= np.clip(1 + (whole - limit) / FRAME_DOUBT, 0, 1)
+    focus = focus_map(scene, path, REGION * min(scene.frame.shape))
+    share = np.clip((focus.about - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
+    share *= np.clip(1 + focus.whole / FRAME_DOUBT, 0, 1) * np.clip(1 + (focus.surely - SURELY * (1 - certainty)) / DOUBT, 0, 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
 
 
@@ -67,7 +66,12 @@ def observed(covered: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows
     return np.clip((covered - UNOBSERVED) / (OBSERVED - UNOBSERVED), 0, 1).astype(np.float32)
 
 
-def agreement(explained: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-    """The share of a restoration that its neighbours grant, 0 to 1; `explained` is `fusion.Fused`'s."""
-    share = np.clip((explained - APART) / (AGREED - APART), 0, 1).astype(np.float32)
+def agreement(
+    explained: Float[np.ndarray, "rows cols"], shown: Bool[np.ndarray, "rows cols"], certainty: float
+) -> Float[np.ndarray, "rows cols"]:
+    """The share of a restoration that its neighbours grant, 0 to 1; the former two are `fusion.Fused`'s.
+
+    Where no neighbour shows the place, the `certainty` of the path has to grant it.
+    """
+    share = np.clip((np.where(shown, explained, certainty) - APART) / (AGREED - APART), 0, 1).astype(np.float32)
     return cv2.blur(share, (AGREEMENT, AGREEMENT))

@@ -8,11 +8,11 @@ import pytest
 from rsvideo.physics.trajectory import Trajectory, centred
 from rsvideo.restoration.camera_path import within
 from rsvideo.restoration.extent import longest
-from rsvideo.restoration.focus import focus, focus_map, focus_value
+from rsvideo.restoration.focus import Focus, focus, focus_map, focus_value
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, reduced, scene_of
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.trust import FULL_VOTE, LONG, SHORT, run_share, trust
+from rsvideo.restoration.trust import FULL_VOTE, LONG, SHORT, agreement, run_share, trust
 from rsvideo.restoration.verdict import across
 from tests.pipeline.moving import Moving
 
@@ -60,21 +60,30 @@ def test_a_restoration_is_followed_where_its_path_is_in_focus(blurred: tuple[Sce
 def test_a_frame_that_is_out_of_focus_as_a_whole_is_restored_nowhere(blurred: tuple[Scene, Trajectory]) -> None:
     scene, true = blurred
     wrong = true.with_coefficients(1.6 * true.coefficients)
-    about, whole = focus_map(scene, wrong, 32)
-    assert about.shape == scene.frame.shape
-    assert whole == pytest.approx(focus_value(scene, wrong), abs=1e-3)
-    assert whole < 0 < about.max()
+    focus = focus_map(scene, wrong, 32)
+    assert focus.about.shape == scene.frame.shape
+    assert focus.whole == pytest.approx(focus_value(scene, wrong), abs=1e-3)
+    assert focus.whole < 0 < focus.about.max()
+    assert focus.surely < 0
     assert not trust(scene, wrong, longest(scene.camera, wrong), 1.0).any()
 
 
-@pytest.mark.parametrize(("sharp", "shares"), [(0.003, [0.0, 0.5, 1.0]), (0.02, [1.0, 1.0, 1.0]), (-0.002, [0.0, 0.0, 0.0])])
-def test_a_long_path_that_nothing_makes_certain_needs_more_focus(
-    sharp: float, shares: list[float], blurred: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("surely", "shares"), [(8.0, [1.0, 1.0, 1.0]), (2.5, [0.0, 1.0, 1.0]), (1.5, [0.0, 0.5, 1.0]), (-3.0, [0.0] * 3)])
+def test_a_path_that_nothing_makes_certain_must_be_in_focus_for_sure(
+    surely: float, shares: list[float], blurred: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, path = blurred
-    monkeypatch.setattr("rsvideo.restoration.trust.focus_map", lambda *_: (np.full(scene.frame.shape, 0.01, np.float32), sharp))
+    focus = Focus(about=np.full(scene.frame.shape, 0.01, np.float32), whole=0.01, surely=surely)
+    monkeypatch.setattr("rsvideo.restoration.trust.focus_map", lambda *_: focus)
     found = [trust(scene, path, longest(scene.camera, path), certain).mean() for certain in (0.0, 0.5, 1.0)]
-    np.testing.assert_allclose(found, shares, atol=0.2)
+    np.testing.assert_allclose(found, shares, atol=1e-6)
+
+
+def test_where_no_neighbour_shows_the_place_the_path_must_be_certain() -> None:
+    shown = np.arange(60)[None] < np.full((40, 1), 30)
+    explained = np.where(shown, np.float32(0.8), np.float32(0))
+    shares = [agreement(explained, shown, certainty)[20, [5, 55]].tolist() for certainty in (0.05, 0.3, 0.9)]
+    np.testing.assert_allclose(shares, [[1, 0], [1, 0.5], [1, 1]], atol=1e-6)
 
 
 def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:

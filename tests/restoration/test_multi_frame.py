@@ -16,6 +16,7 @@ from rsvideo.restoration import multi_frame, single_frame
 from rsvideo.restoration.clip_motion import gather
 from rsvideo.restoration.clip_motion import movement as of_run
 from rsvideo.restoration.movement import Evidence, Movement, joined
+from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
@@ -143,7 +144,7 @@ def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.Monkey
     moving, frames, found = with_a_stranger()
     how = {"camera": moving.camera, "settings": Settings(prior="tv")}
     checked = list(multi_frame.restored(frames, found, **how))[2].latent
-    monkeypatch.setattr(multi_frame, "agreement", np.ones_like)
+    monkeypatch.setattr(multi_frame, "agreement", lambda explained, *_: np.ones_like(explained))
     unchecked = list(multi_frame.restored(frames, found, **how))[2].latent
     inner = np.s_[STRANGER[0].start + 10 : STRANGER[0].stop - 10, STRANGER[1].start + 10 : STRANGER[1].stop - 10]
     deblurred, left = (np.abs(np.diff(each[inner], axis=1)).mean() for each in (unchecked, checked))
@@ -199,3 +200,16 @@ def test_what_neither_the_frame_nor_a_neighbour_observed_is_only_straightened(mo
     straight = shown(2, 3)
     np.testing.assert_allclose(alone[hidden], straight[hidden], atol=1e-4)
     assert np.abs(with_neighbours[hidden] - straight[hidden]).mean() > 0.01
+
+
+def test_a_frame_is_straightened_as_far_as_its_path_is_certain() -> None:
+    moving = Moving(frames=1, reach=12.0)
+    view, path = to_scanlines(moving.recorded[0], moving.camera), moving.way(0)
+    near = Flow(points=np.array([[48.0, 32.0]]), weights=np.array([[300.0, 0.0]]), length=40.0)
+
+    def moved(certainty: float, flow: Flow | None) -> float:
+        seen = Evidence(flow=flow, error=0.0, share=1.0, certainty=certainty)
+        return float(np.abs(multi_frame._straight(view, path, seen, 1.0) - view.pixels).mean())
+
+    for flow in (None, near):
+        assert moved(0.0, flow) < 1e-6 < moved(0.3, flow) < moved(1.0, flow)
