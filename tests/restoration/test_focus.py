@@ -60,11 +60,11 @@ def test_a_restoration_is_followed_where_its_path_is_in_focus(blurred: tuple[Sce
 def test_a_frame_that_is_out_of_focus_as_a_whole_is_restored_nowhere(blurred: tuple[Scene, Trajectory]) -> None:
     scene, true = blurred
     wrong = true.with_coefficients(1.6 * true.coefficients)
-    focus = focus_map(scene, wrong, 32)
-    assert focus.about.shape == scene.frame.shape
-    assert focus.whole == pytest.approx(focus_value(scene, wrong), abs=1e-3)
-    assert focus.whole < 0 < focus.about.max()
-    assert focus.surely < 0
+    seen = focus_map(scene, wrong, 32)
+    assert seen.about.shape == scene.frame.shape
+    assert seen.whole == pytest.approx(focus_value(scene, wrong), abs=1e-3)
+    assert seen.whole < 0 < seen.about.max()
+    assert seen.surely < 0
     assert not trust(scene, wrong, longest(scene.camera, wrong), 1.0).any()
 
 
@@ -73,8 +73,8 @@ def test_a_path_that_nothing_makes_certain_must_be_in_focus_for_sure(
     surely: float, shares: list[float], blurred: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, path = blurred
-    focus = Focus(about=np.full(scene.frame.shape, 0.01, np.float32), whole=0.01, surely=surely)
-    monkeypatch.setattr("rsvideo.restoration.trust.focus_map", lambda *_: focus)
+    seen = Focus(about=np.full(scene.frame.shape, 0.01, np.float32), whole=0.01, surely=surely)
+    monkeypatch.setattr("rsvideo.restoration.trust.focus_map", lambda *_: seen)
     found = [trust(scene, path, longest(scene.camera, path), certain).mean() for certain in (0.0, 0.5, 1.0)]
     np.testing.assert_allclose(found, shares, atol=1e-6)
 
