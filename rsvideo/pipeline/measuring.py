@@ -128,9 +128,20 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     )
     if isinstance(found, exposure.Unclear):
         most = found.most and round(found.most, DECIMALS)
-        return shown.model_copy(update={"most": most, "unclear": (*unclear, f"exposure: {found.reason}")})
-    of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
-    return shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
+        shown = shown.model_copy(update={"most": most, "unclear": (*unclear, f"exposure: {found.reason}")})
+    else:
+        of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
+        shown = shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
+    return _unless_in_focus(shown, run, given, sources)
+
+
+def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources) -> Measured:
+    """The same without an exposure, or a bound of it, that contradicts what is typed in, if the clip's focus bears that out."""
+    typed, checked = (timing.exposure_of(given, replace(sources, measured=each))[0] for each in (None, shown))
+    if typed is None or checked is None or typed.value == checked.value or not exposure.in_better_focus(run, typed.value, checked.value):
+        return shown
+    reason = f"exposure: its blur shows another one than {1e3 * typed.value:.4g} ms, but its frames are in focus with that"
+    return shown.model_copy(update={"exposure": None, "most": None, "blur": None, "deviation": 0.0, "unclear": (*shown.unclear, reason)})
 
 
 def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, float]:

@@ -214,10 +214,10 @@ def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> 
     return Movement(within=[*inside], steps=steps, tied=run.tied, exposures=[*map(float, run.exposures)]).in_image(run.direction)
 
 
-def votes(run: Run, path: CameraPath) -> list[float]:
-    """The focus of each frame that is blurred enough, along a path that was found without blur."""
+def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> list[float]:
+    """The focus of each frame that is blurred enough, of all or of some `frames`, along a path that was found without blur."""
     flows_beside, wanted = beside(run, path), []
-    for k in range(len(run.begins)):
+    for k in range(len(run.begins)) if frames is None else frames:
         camera = run.camera.exposed(float(run.exposures[k]))
         cut = within(path.spline, run.opens(k), camera.timing)
         if (length := longest(camera, cut)) > SHORT:

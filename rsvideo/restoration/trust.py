@@ -32,10 +32,10 @@ _LEAST_VOTE = 1e-12  # where no frame votes, the sum is divided by this
 
 def run_share(votes: Sequence[float]) -> float:
     """The share of restorations, 0 to 1, that s of a run's blurred frames grants together."""
-    return float(np.clip((_deviations(votes) - CHANCE) / (CERTAIN - CHANCE), 0, 1))
+    return float(np.clip((deviations(votes) - CHANCE) / (CERTAIN - CHANCE), 0, 1))
 
 
-def _deviations(votes: Sequence[float]) -> float:
+def deviations(votes: Sequence[float]) -> float:
     """How many standard deviations the sum of s of several frames is above the 0 that it scatters about along a wrong path.
 
     The scatter is the frames' own, by how far they agree, or the usual one: a single frame agrees with itself.

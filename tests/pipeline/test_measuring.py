@@ -1,16 +1,23 @@
 """What a clip shows of its shutter, and what is usual of cameras."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from calibration.timing.cannot_tell import Likeliest
-from rsvideo.config.request import Measured, Request, Sections
+from rsvideo.config.request import Camera, Measured, Request, Sections
+from rsvideo.physics.camera import Camera as Optics
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import measuring
 from rsvideo.pipeline.measuring import with_usual
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.restoration import exposure
+from rsvideo.restoration.clip_motion import gather
+from rsvideo.restoration.settings import Settings
+from rsvideo.shooting.timing import Sources, exposure_of
 from rsvideo.shooting.usual import READOUT, READOUT_SPREAD
 from tests.video.clips import make
 
@@ -49,3 +56,20 @@ def test_frames_show_their_own_exposure_where_nobody_states_it_and_their_path_ca
     source = make(tmp_path / "in.mkv")
     request = Request.of(source, tmp_path / "out.mkv", Sections.model_validate({"camera": words}))
     assert prepare(request).treatment.exposure_spread == spread
+
+
+@pytest.mark.parametrize("in_focus", [True, False])
+@pytest.mark.parametrize("shown", [Measured(exposure=0.005, deviation=1e-4, blur=6.0), Measured(most=0.004)])
+def test_spectra_contradict_what_is_typed_in_only_where_that_is_not_in_focus(
+    shown: Measured, in_focus: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(exposure, "in_better_focus", lambda *_: in_focus)
+    given, sources = Camera(exposure=0.02), Sources(rows=48, cols=64, fps=30.0)
+    shutter = ShutterTiming.from_readout(exposure=0.02, readout=0.01, rows=48)
+    run = gather([], Optics(timing=shutter, intrinsics=Intrinsics.centred(focal=60.0, rows=48, cols=64)), Settings())
+    kept = measuring._unless_in_focus(shown, run, given, sources)
+    taken, notes = exposure_of(given, replace(sources, measured=kept))
+    assert taken is not None
+    assert (taken.value == 0.02) == in_focus
+    assert bool(notes) != in_focus
+    assert any("in focus" in reason for reason in kept.unclear) == in_focus

@@ -26,6 +26,16 @@ def test_the_exposure_of_a_clip_shows_in_its_blur(assumed: float) -> None:
     assert found.value == pytest.approx(MOVING.exposure, rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("stated", "shown", "reach", "borne_out"),
+    [(1.0, 0.25, 32.0, True), (1.0, 0.25, 16.0, False), (2.0, 1.0, 32.0, False), (0.5, 1.0, 48.0, False), (0.1, 0.05, 32.0, False)],
+)
+def test_the_focus_along_long_blurs_decides_between_two_exposures(stated: float, shown: float, reach: float, borne_out: bool) -> None:
+    moving = replace(MOVING, reach=reach)
+    run = taken(moving.recorded, moving.exposure)
+    assert exposure.in_better_focus(run, stated * moving.exposure, shown * moving.exposure) == borne_out
+
+
 def test_a_clip_that_hardly_moves_does_not_show_its_exposure() -> None:
     found = exposure.measured(taken(Moving(frames=5, reach=0.5).recorded, 0.02), 1 / RATE)
     assert isinstance(found, Unclear)
