@@ -92,6 +92,11 @@ class Polynomial(_Curve):
 class Spline(_Curve):
     """A cubic B-spline with equidistant knots, clamped at the interval's ends. Needs at least 4 coefficients."""
 
+    @property
+    def smooth(self) -> "Spline":
+        """The spline, without what vibrates beside it."""
+        return self
+
     def basis(self, t: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n terms"]:
         terms = len(self.coefficients)
         knots = np.r_[[self.t0] * 3, np.linspace(self.t0, self.t1, terms - 2), [self.t1] * 3]
@@ -103,6 +108,37 @@ class Spline(_Curve):
 
     def shifted(self, pose: Float[np.ndarray, " axes"]) -> "Spline":
         return self.with_coefficients(self.coefficients + pose)  # B-splines sum to one
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VibratingSpline(Spline):
+    """A cubic B-spline s(t), and tones beside it, as an engine shakes a camera, whose strength and phase change evenly from node to node:
+
+        p(t) = s(t) + sum_fj h_j(t) (a_fj cos(2 pi f t) + b_fj sin(2 pi f t))
+
+    with the linear B-splines h_j on equidistant nodes over the interval. After s's coefficients come a and b of each frequency and node.
+    """
+
+    frequencies: tuple[float, ...]  # Hz
+    nodes: int  # of each tone; at least 2
+
+    @property
+    def smooth(self) -> Spline:
+        return Spline(t0=self.t0, t1=self.t1, coefficients=self.coefficients[: -2 * self.nodes * len(self.frequencies)])
+
+    def basis(self, t: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n terms"]:
+        t = np.asarray(t, float)
+        place = np.clip((t - self.t0) / (self.t1 - self.t0), 0, 1) * (self.nodes - 1)
+        strengths = np.maximum(0, 1 - np.abs(place[..., None] - np.arange(self.nodes)))
+        phases = 2 * np.pi * t[..., None] * np.array(self.frequencies)
+        waves = np.stack([np.cos(phases), np.sin(phases)], axis=-1)
+        tones = strengths[..., None, :, None] * waves[..., :, None, :]
+        return np.concatenate([self.smooth.basis(t), tones.reshape(*t.shape, -1)], axis=-1)
+
+    def shifted(self, pose: Float[np.ndarray, " axes"]) -> "VibratingSpline":
+        coefficients = self.coefficients.copy()
+        coefficients[: len(self.smooth.coefficients)] += pose
+        return self.with_coefficients(coefficients)
 
 
 def fit(

@@ -192,7 +192,7 @@ def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, 
         def sharpness(k: int) -> tuple[float, np.ndarray]:
             inside = local[k] @ coefficients
             inside[0] = 0  # a gauge
-            return focus(scenes[k], polynomial(scenes[k].camera.timing, shape[1]).with_coefficients(inside))
+            return focus(scenes[k], polynomial(scenes[k].camera.timing, *inside.shape).with_coefficients(inside))
 
         for m, (sharp, slope) in zip(local, threads.each(sharpness, range(len(scenes))), strict=True):
             slope[0] = 0

@@ -5,10 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, centred, fit, path_error, still
+from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, VibratingSpline, centred, fit, path_error, still
 
 T0, T1 = -0.01, 0.04
-KINDS = [(Polynomial, 1), (Polynomial, 5), (Spline, 4), (Spline, 9)]
+
+
+def vibrating(**parts):
+    return VibratingSpline(**parts, frequencies=(40.0, 90.0), nodes=3)
+
+
+KINDS = [(Polynomial, 1), (Polynomial, 5), (Spline, 4), (Spline, 9), (vibrating, 17)]
 kinds = pytest.mark.parametrize(("kind", "terms"), KINDS, ids=[f"{kind.__name__}-{terms}" for kind, terms in KINDS])
 
 
@@ -129,3 +135,14 @@ def test_path_error_ignores_where_the_path_begins() -> None:
     off[::2, 0] += 2
     assert path_error(path + 7, path) == pytest.approx(0)
     assert path_error(off, path) == pytest.approx(1)
+
+
+def test_a_tone_of_a_vibrating_spline_changes_its_strength_evenly():
+    t = np.linspace(T0, T1, 301)
+    place = (t - T0) / (T1 - T0)
+    wave = 3 * (1 - np.abs(2 * place - 1)) * np.sin(2 * np.pi * 90 * t)
+    p = curve(vibrating, 17).with_coefficients(np.zeros((17, 2)))
+    found = fit(p, t, np.stack([wave, 5 + 0 * t], axis=1))
+    np.testing.assert_allclose(found.at(t), np.stack([wave, 5 + 0 * t], axis=1), atol=1e-9)
+    assert found.coefficients[5 + 6 + 2 + 1, 0] == pytest.approx(3)
+    np.testing.assert_allclose(found.smooth.at(t)[:, 1], 5, atol=1e-9)

@@ -5,35 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsvideo.physics.camera import Camera, turned
-from rsvideo.physics.shutter import Direction, ShutterTiming
+from rsvideo.physics.camera import Camera
+from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.restoration.camera_path import certainties, follow, unexplained, windows, within
 from rsvideo.restoration.tracks import Tracks
-from tests.restoration.swaying import BEGINS, CAMERA, END, TIMING, spline, sway
+from tests.restoration.swaying import BEGINS, CAMERA, END, TIMING, exact, sights, spline, sway
 
 TAKEN = Camera(timing=TIMING, intrinsics=CAMERA)
 NOTHING = Tracks(before=np.zeros((0, 2)), after=np.zeros((0, 2)))
-
-
-def sights(path: Trajectory, begin: float, points: np.ndarray, timing: ShutterTiming) -> np.ndarray:
-    """Where a frame shows points of the latent image: each moved by the mean over its own row's exposure."""
-    at = points.copy()
-    for _ in range(30):
-        lines = at[:, 1:] if timing.direction is Direction.TOP_TO_BOTTOM else timing.rows - 1 - at[:, 1:]
-        poses = path.at(lines * timing.row_time + timing.sample_times(16)[0] + begin)
-        moves = turned(CAMERA, np.repeat(at[:, :1], 16, 1), np.repeat(at[:, 1:], 16, 1), poses)
-        at = points - moves.mean(axis=1)
-    return at
-
-
-def exact(path: Trajectory, timing: ShutterTiming = TIMING) -> list[Tracks]:
-    """Tracks without an error: between neighbours, of points that both show."""
-    x, y = np.meshgrid(np.linspace(-40, 220, 16), np.linspace(-40, 160, 14))
-    points = np.stack([x.ravel(), y.ravel()], axis=1)
-    seen = [sights(path, float(t), points, timing) for t in BEGINS]
-    inside = [((s > 2) & (s < [CAMERA.cols - 3, CAMERA.rows - 3])).all(axis=1) for s in seen]
-    return [Tracks(before=seen[k][both], after=seen[k + 1][both]) for k in range(7) for both in [inside[k] & inside[k + 1]]]
 
 
 def apart(found: Trajectory, true: Trajectory) -> float:
