@@ -34,6 +34,7 @@ from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.spectrum import Patches, Spectrum, patches
 from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations
 from rsvideo.restoration.verdict import across
+from rsvideo.restoration.vibration import exposed
 
 RATIO = 1.12  # from one exposure to the next
 SHORTEST = 1 / 64  # of a frame's period, the shortest one
@@ -207,8 +208,13 @@ def _most_moving(run: Run, path: CameraPath, least: float = -np.inf) -> list[int
 
 def _length(run: Run, path: CameraPath, k: int, exposure: float) -> float:
     """Of the blur in px that an exposure leaves in a frame."""
-    camera = run.camera.exposed(float(exposure))
-    return longest(camera, within(path.spline, run.opens(k, float(exposure)), camera.timing))
+    return longest(run.camera.exposed(float(exposure)), _covered(run, path, k, float(exposure)))
+
+
+def _covered(run: Run, path: CameraPath, k: int, exposure: float) -> Trajectory:
+    """What another exposure of frame k covers of a path that points show."""
+    spline = exposed(path.spline, run.camera.timing.exposure, exposure)
+    return within(spline, run.opens(k, exposure), run.camera.exposed(exposure).timing)
 
 
 def _middle_length(run: Run, path: CameraPath, frames: Sequence[int], exposure: float) -> float:
@@ -227,8 +233,7 @@ def _misfits(
     """m_k of exposures, whose ratio from one to the next is a."""
 
     def taken(exposure: float) -> tuple[Scene, Trajectory]:
-        camera = run.camera.exposed(exposure)
-        return replace(scene, camera=scene.camera.exposed(exposure)), within(path.spline, run.opens(k, exposure), camera.timing)
+        return replace(scene, camera=scene.camera.exposed(exposure)), _covered(run, path, k, exposure)
 
     def by_spectra(exposure: float) -> float:
         shown, cut = taken(exposure)

@@ -26,6 +26,7 @@ SPREAD = 2.0  # r, px
 STEADY = 0.5  # s, over which a tone's strength and phase change evenly
 MOST = 3  # tones: an engine's, and those of what it shakes
 HIDDEN = 0.3  # |sin(pi f T)|, T from frame to frame: below, a tone shakes all frames alike, as the scene's depth seems to
+FAINTEST = 0.2  # sinc(f e), below which points hardly show a tone's strength
 AT_REST = 1e-3  # px: the spread along axes that no tone shakes
 
 
@@ -59,6 +60,20 @@ def spreads(tones: Sequence[Tone], path: Spline) -> Float[np.ndarray, "terms axe
     """What is believed of the tones' coefficients, px."""
     each = np.array([np.where(tone.axes, SPREAD, AT_REST) for tone in tones]).reshape(len(tones), path.coefficients.shape[1])
     return each.repeat((len(path.coefficients) - len(path.smooth.coefficients)) // max(1, len(tones)), axis=0)
+
+
+def exposed(path: Spline, believed: float, exposure: float) -> Spline:
+    """A path that points show if frames were exposed for `believed` s, if they were for `exposure` s: points move by means over exposures.
+
+    The mean of a tone over e seconds is sinc(f e) of it.
+    """
+    if not isinstance(path, VibratingSpline):
+        return path
+    before, after = (np.sinc(np.array(path.frequencies) * seconds) for seconds in (believed, exposure))
+    factors = before * np.sign(after) / np.maximum(np.abs(after), FAINTEST)
+    coefficients = path.coefficients.copy()
+    coefficients[len(path.smooth.coefficients) :] *= factors.repeat(2 * path.nodes)[:, None]
+    return path.with_coefficients(coefficients)
 
 
 def strongest(
