@@ -1,11 +1,12 @@
 """How likely a row time is, given how rows moved: the camera's path is a Gaussian process.
 
 The path is Matern's with 5/2, twice differentiable, and a pan. How strong and how quick it is, and how noisy the tracks are, is chosen
-anew for every row time; the evidence of what is left is compared. A negative row time is a readout from the bottom up.
+anew for every row time; the evidence of what is left is compared. Where an engine shakes the camera, tones of the frequencies that
+explain most are added. A negative row time is a readout from the bottom up.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -24,6 +25,12 @@ _START = np.log([10.0, 0.1, 1.0])  # of the same
 _STEPS = 30  # of L-BFGS-B, for strength, pace and noise
 _RESOLVED, _TRIALS = 0.01, 14  # of the search's reach, to which a row time is found; and row times tried
 _QUADRATIC = 4.0  # fall of the log-likelihood over a step of both sides, up to which it is about quadratic
+_TONES = np.arange(12.0, 110.0, 0.25)  # Hz, that are tried; slower ones are a hand's
+_TONE_PX = 2.0  # the spread of a tone's coefficients
+_TONE_EVIDENCE = 14.0  # log-likelihood that a tone must add along one axis
+_VIBRATING = 30.0  # of the likeliest row time, that all tones must add; vibrating clips had 58 and more, one wrong readout 13
+_MOST_TONES = 2  # along either axis
+_HIDDEN = 0.3  # |sin(pi f T)|, T from frame to frame: below, a tone shakes all frames alike
 _HALVINGS = 8  # of a step that costs more
 
 
@@ -37,23 +44,49 @@ class Chunk:
     terms: Float[np.ndarray, "pairs terms nodes"]  # from displacements at the nodes to coefficients
     rows: Float[np.ndarray, "2 pairs nodes"]
     begins: Float[np.ndarray, "2 pairs"]
+    tones: tuple[float, ...] = ()  # Hz
 
     def evidence(self, row_time: float, hyper: np.ndarray) -> tuple[float, np.ndarray]:
         """The log-likelihood of a readout, and its slope in the logarithms of strength (px), pace (s) and noise (of variance)."""
+        path, slower, covariance = self._covariances(row_time, hyper)
+        factor = cho_factor(covariance, lower=True)
+        solved = cho_solve(factor, self.moved)
+        left = np.outer(solved, solved) - cho_solve(factor, np.eye(len(solved)))
+        slope = 0.5 * np.array([np.sum(left * part) for part in (2 * path, slower, np.exp(hyper[2]) * self.noise)])
+        return float(-0.5 * self.moved @ solved - np.log(np.diag(factor[0])).sum()), slope
+
+    def gains(self, row_time: float, hyper: np.ndarray, tones: Float[np.ndarray, " tones"]) -> Float[np.ndarray, " tones"]:
+        """By how much each tone adds to the log-likelihood."""
+        factor = cho_factor(self._covariances(row_time, hyper)[2], lower=True)
+        waves = self._waves(self._times(row_time), tones)
+        solved = cho_solve(factor, waves.reshape(len(waves), -1)).reshape(waves.shape)
+        precision = np.einsum("nfi,nfj->fij", waves, solved) + np.eye(2) / _TONE_PX**2
+        right = np.einsum("nfi,n->fi", solved, self.moved)
+        explained = (right * np.linalg.solve(precision, right[..., None])[..., 0]).sum(axis=1)
+        return 0.5 * explained - 0.5 * np.linalg.slogdet(_TONE_PX**2 * precision)[1]
+
+    def _covariances(self, row_time: float, hyper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of the coefficients: by the path, its derivative in log pace, and by all that moves them."""
         strength, length, noise = np.exp(hyper)
-        at = self.begins[:, :, None] + row_time * self.rows
+        at = self._times(row_time)
         both = np.concatenate([at[1].ravel(), at[0].ravel()])
         r = np.abs(both[:, None] - both) * (np.sqrt(5) / length)
         decay = strength**2 * np.exp(-r)
         path = self._displacement_covariance(decay * (1 + r + r * r / 3))
-        slower = self._displacement_covariance(decay * (r * r * (1 + r) / 3))  # its derivative in log length
+        slower = self._displacement_covariance(decay * (r * r * (1 + r) / 3))
         pan = np.einsum("iap,ip->ia", self.terms, at[1] - at[0]).ravel()
-        covariance = path + noise * self.noise + _PAN_PX_PER_S**2 * np.outer(pan, pan) + _NUGGET * np.eye(len(pan))
-        factor = cho_factor(covariance, lower=True)
-        solved = cho_solve(factor, self.moved)
-        left = np.outer(solved, solved) - cho_solve(factor, np.eye(len(pan)))
-        slope = 0.5 * np.array([np.sum(left * part) for part in (2 * path, slower, noise * self.noise)])
-        return float(-0.5 * self.moved @ solved - np.log(np.diag(factor[0])).sum()), slope
+        tones = _TONE_PX * self._waves(at, np.array(self.tones)).reshape(len(pan), 2 * len(self.tones))
+        sure = noise * self.noise + _PAN_PX_PER_S**2 * np.outer(pan, pan) + tones @ tones.T + _NUGGET * np.eye(len(pan))
+        return path, slower, path + sure
+
+    def _times(self, row_time: float) -> Float[np.ndarray, "2 pairs nodes"]:
+        return self.begins[:, :, None] + row_time * self.rows
+
+    def _waves(self, at: Float[np.ndarray, "2 pairs nodes"], tones: Float[np.ndarray, " tones"]) -> Float[np.ndarray, "numbers tones 2"]:
+        """The coefficients of displacements by the cosine and the sine of each tone."""
+        phases = 2 * np.pi * at[..., None] * tones
+        moved = np.stack([np.cos(phases[1]) - np.cos(phases[0]), np.sin(phases[1]) - np.sin(phases[0])], axis=-1)
+        return np.einsum("iap,ipfw->iafw", self.terms, moved, optimize=True).reshape(len(self.moved), len(tones), 2)
 
     def _displacement_covariance(self, kernel: np.ndarray) -> np.ndarray:
         """The covariance of coefficients of displacements, from that of positions."""
@@ -115,6 +148,37 @@ def fit_path(chunks: Sequence[Chunk], row_time: float, others: Sequence[PathFit]
         values.append(-float(best.fun))
         hypers.append(np.asarray(best.x))
     return PathFit(row_time=row_time, value=sum(values), hyper=(hypers[0], hypers[1]))
+
+
+def with_tones(chunks: Sequence[Chunk], fits: Sequence[PathFit]) -> tuple[list[Chunk], list[PathFit]]:
+    """Fits of many row times, each with the tones that explain most there, and the chunks with the likeliest one's, if tones do enough."""
+    toned = [_with_tones(chunks, fit) for fit in fits]
+    likely = max(toned, key=lambda each: each[1].value)
+    if likely[1].value - max(fit.value for fit in fits) < _VIBRATING:
+        return [*chunks], [*fits]
+    return likely[0], [fit for _, fit in toned]
+
+
+def _with_tones(chunks: Sequence[Chunk], fit: PathFit) -> tuple[list[Chunk], PathFit]:
+    """One tone after the other along either axis, as long as each adds enough."""
+    found = [*chunks]
+    for _ in range(_MOST_TONES):
+        more = [one for axis in (0, 1) for one in _one_more([chunk for chunk in found if chunk.axis == axis], fit)]
+        if sum(len(chunk.tones) for chunk in more) == sum(len(chunk.tones) for chunk in found):
+            break
+        found, fit = more, fit_path(more, fit.row_time, (fit,))
+    return found, fit
+
+
+def _one_more(chunks: Sequence[Chunk], fit: PathFit) -> list[Chunk]:
+    """The chunks of one axis with the tone that adds most, if it adds enough."""
+    period = float(np.median([np.median(np.diff(chunk.begins[0])) for chunk in chunks])) if chunks else 0.0
+    tones = _TONES[np.abs(np.sin(np.pi * _TONES * period)) > _HIDDEN]
+    if not len(tones):
+        return [*chunks]
+    gains = np.sum([chunk.gains(fit.row_time, fit.hyper[chunk.axis], tones) for chunk in chunks], axis=0)
+    best = float(tones[gains.argmax()])
+    return [replace(chunk, tones=(*chunk.tones, best)) if gains.max() >= _TONE_EVIDENCE else chunk for chunk in chunks]
 
 
 def likeliest(chunks: Sequence[Chunk], near: PathFit, reach: float) -> PathFit:

@@ -3,7 +3,7 @@
 A point observed in row y of frame k and in row y' of frame k + 1 has moved by p(t_k+1 + y' t_r) - p(t_k + y t_r). With a global shutter
 all rows of a pair of frames move alike; with a rolling one each row's displacement is the path's over a window of one frame's period,
 which begins later from row to row, so that how displacements change down a frame must go on in the next. A motion of constant velocity
-says nothing of t_r: it takes a hand's changes of pace.
+says nothing of t_r: it takes a hand's changes of pace, or an engine's vibration.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from calibration.timing.cannot_tell import CannotTellError, Likeliest
 from calibration.timing.pair_motion import FEWEST_POINTS, Pair, summarise
-from calibration.timing.path_evidence import Chunk, PathFit, chunked, curvature, fit_path, likeliest
+from calibration.timing.path_evidence import Chunk, PathFit, chunked, curvature, fit_path, likeliest, with_tones
 from rsvideo.physics.shutter import Direction
 from rsvideo.progress import Observer, Progress, ignore
 
@@ -72,6 +72,7 @@ def explain(
     for step, readout in enumerate(grid):
         fits.append(fit_path(chunks, readout / rows, fits[-1:]))
         _report(observer, (step + 1) / (_TRIED + _REFINING))
+    chunks, fits = with_tones(chunks, fits)
     spacing = float(grid[1] - grid[0])
     best = likeliest(chunks, max(fits, key=lambda fit: fit.value), spacing / rows)
     _report(observer, (_TRIED + _REFINED) / (_TRIED + _REFINING))

@@ -1,11 +1,14 @@
 """The readout from points that were followed through hand-held footage."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
 from calibration.timing.cannot_tell import CannotTellError
-from calibration.timing.pair_motion import Pair
+from calibration.timing.pair_motion import Pair, summarise
+from calibration.timing.path_evidence import chunked
 from calibration.timing.self_calibration import Explained, explain
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction
@@ -15,11 +18,23 @@ MIDDLE = np.array([(COLS - 1) / 2, (ROWS - 1) / 2])
 
 
 def film(
-    readout: float, *, frames: int = 17, rms: float = 0.15, noise: float = 0.1, seed: int = 3, points: int = 200, pan: float = 0.0
+    readout: float,
+    *,
+    frames: int = 17,
+    rms: float = 0.15,
+    noise: float = 0.1,
+    seed: int = 3,
+    points: int = 200,
+    pan: float = 0.0,
+    tone: float = 0.0,
 ) -> list[Pair]:
-    """Points on a distant scene, each observed where its row is read; a negative readout runs upwards. `pan` is in px/s."""
+    """Points on a distant scene, each observed where its row is read; a negative readout runs upwards. `pan` is in px/s.
+
+    A `tone` of so many Hz shakes the camera sideways by 2 px.
+    """
     rng = np.random.default_rng(seed)
     angles = shake(rng, frames / FPS + 0.1, 2000.0, rms=max(rms, 1e-9))
+    angles[:, 1] += 2 / FOCAL * np.sin(2 * np.pi * tone * np.arange(len(angles)) / 2000)
     path = CubicSpline(np.arange(len(angles)) / 2000, angles)
 
     def observed(scene: np.ndarray, begins: float) -> np.ndarray:
@@ -57,6 +72,21 @@ def test_a_hands_motion_tells_the_readout(readout: float, seed: int) -> None:
     assert explained.direction is Direction.TOP_TO_BOTTOM
     assert explained.curvature > 0
     assert explained.over_global > 20
+
+
+@pytest.mark.slow
+def test_an_engines_vibration_tells_the_readout() -> None:
+    explained = found(film(0.014, tone=56.6))
+    assert explained.readout == pytest.approx(0.014, rel=0.05)
+
+
+def test_what_tones_add_is_the_ratio_of_two_likelihoods() -> None:
+    chunks = chunked(summarise(film(0.014, frames=6, points=80, tone=56.0), ROWS, COLS), ROWS)
+    tones, hyper = np.array([31.0, 56.0]), np.log([10.0, 0.1, 1.0])
+    for chunk in chunks:
+        alone = chunk.evidence(0.014 / ROWS, hyper)[0]
+        together = [replace(chunk, tones=(float(tone),)).evidence(0.014 / ROWS, hyper)[0] for tone in tones]
+        assert chunk.gains(0.014 / ROWS, hyper, tones) == pytest.approx(np.array(together) - alone, rel=1e-6, abs=1e-6)
 
 
 @pytest.fixture(scope="module")
