@@ -117,7 +117,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         stated, _ = timing.readout_of(given, sources)
         readout = stated.value if stated else None
     taken = camera(half if readout is None else readout, lens.pixels)
-    run = run.taken_by(taken)
+    run = replace(run.taken_by(taken), toned=readout is not None)
     found = exposure.measured(run, period)
     shown = Measured(
         readout=readout,

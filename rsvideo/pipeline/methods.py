@@ -33,6 +33,7 @@ class Treatment:
     gyro: Gyro | None  # of the methods that need one
     camera: Camera
     timing_source: str  # where the timing comes from, for the record
+    readout_guessed: bool = False  # nobody states it, and the clip shows not even a likely one
     exposure_spread: float | None = None  # in its logarithm, by which that of a part of a clip may differ; None: it is stated
 
     @property
@@ -73,7 +74,7 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
 
 def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ignore) -> Run:
     """Successive frames as their motion is estimated, exposed as they show where nobody states it."""
-    run = clip_motion.gather(frames, treatment.camera, treatment.settings, observe)
+    run = replace(clip_motion.gather(frames, treatment.camera, treatment.settings, observe), toned=not treatment.readout_guessed)
     return run if treatment.exposure_spread is None else run.exposed(exposure.of_each(run, treatment.exposure_spread))
 
 

@@ -84,11 +84,12 @@ def follow(
     *,
     about: CameraPath | None = None,
     backwards: Sequence[int] = (),
+    toned: bool = True,
 ) -> CameraPath:
     """The path that explains the tracks between neighbouring frames, under a prior on a hand's motion or `about` a path.
 
-    Beside a hand's motion there are as many tones as the tracks ask for. Frames whose index is among `backwards` were read from the last
-    scanline to the first.
+    If it may be `toned`, there are as many tones beside a hand's motion as the tracks ask for. Frames whose index is among `backwards`
+    were read from the last scanline to the first.
     """
     path, tones = about.spline if about else blank(begins, camera.timing, axes), list[Tone]()
 
@@ -98,7 +99,8 @@ def follow(
     while True:
         pairs = equations(path)
         found = _explained(pairs, camera, path, tones, about)
-        tone = None if about or not pairs or len(tones) == MOST else strongest(pairs, found, begins, equations)
+        looking = toned and not about and pairs and len(tones) < MOST
+        tone = strongest(pairs, found, begins, equations) if looking else None
         if tone is None:
             return CameraPath(spline=found.path, precision=found.precision)
         tones.append(tone)

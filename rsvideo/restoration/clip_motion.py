@@ -56,6 +56,7 @@ class Run:
     axes: int
     steps: int  # of L-BFGS, in which blur refines the path
     exposures: Float[np.ndarray, " frames"]  # s, of each frame; none is longer than the camera's
+    toned: bool = True  # whether points may show tones: not with a readout that is no more than a guess
 
     @property
     def direction(self) -> Direction:
@@ -165,7 +166,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
 
 def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
     """The path that the points between the frames show; with a path that is given already, the one `about` it."""
-    return follow(run.links, run.begins, run.camera, run.axes, about=about)
+    return follow(run.links, run.begins, run.camera, run.axes, about=about, toned=run.toned)
 
 
 def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
