@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from rsvideo.physics.camera import Camera
-from rsvideo.physics.trajectory import VibratingSpline
+from rsvideo.physics.trajectory import Spline, VibratingSpline
 from rsvideo.restoration import vibration
 from rsvideo.restoration.camera_path import blank, follow, within
 from rsvideo.restoration.point_equations import FIELDS, pairs_of
-from rsvideo.restoration.vibration import Explained, vibrating
+from rsvideo.restoration.vibration import Explained, exposed, vibrating
 from tests.restoration.swaying import BEGINS, CAMERA, TIMING, exact, shaken, sway
 
 TAKEN = Camera(timing=TIMING, intrinsics=CAMERA)
@@ -30,6 +30,27 @@ def test_a_tone_that_shakes_the_camera_is_found(axes: int) -> None:
 @pytest.mark.parametrize("hertz", [0.0, 48.0])  # at twice the frame rate all frames are shaken alike
 def test_a_hand_s_path_has_no_tones(hertz: float) -> None:
     assert not isinstance(follow(exact(shaken(3, hertz=hertz, reach=1.5)), BEGINS, TAKEN, 3).spline, VibratingSpline)
+
+
+def test_a_readout_that_is_a_guess_shows_no_tones() -> None:
+    found = follow(exact(shaken(2, hertz=43.0, reach=1.5)), BEGINS, TAKEN, 2, toned=False).spline
+    assert not isinstance(found, VibratingSpline)
+
+
+def test_points_show_the_same_of_a_tone_whatever_exposure_is_tried() -> None:
+    path = vibrating(blank(BEGINS, TIMING, 2), [30.0, 70.0])
+    steady = np.random.default_rng(3).standard_normal((2, 1, 2, 2)).repeat(path.nodes, axis=1).reshape(-1, 2)
+    path = path.with_coefficients(np.vstack([np.zeros_like(path.smooth.coefficients), steady]))
+    middles = BEGINS[1:] + TIMING.middle
+    before, after = 0.002, 0.011  # s
+
+    def seen(spline: Spline, exposure: float) -> np.ndarray:
+        return spline.at(middles[:, None] + exposure * (np.arange(200) + 0.5 - 100) / 200).mean(axis=1)
+
+    changed = exposed(path, before, after)
+    np.testing.assert_allclose(seen(changed, after), seen(path, before), atol=1e-3)
+    assert np.abs(seen(path, after) - seen(path, before)).max() > 0.3
+    np.testing.assert_array_equal(exposed(path.smooth, before, after).coefficients, path.smooth.coefficients)
 
 
 def test_a_frame_s_polynomial_follows_its_tones() -> None:
