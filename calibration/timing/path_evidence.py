@@ -15,6 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize, minimize_scalar
 
 from calibration.timing.pair_motion import TERMS, RowMotion
+from rsvideo.physics import vibration
 
 _CHUNK_PAIRS = 16  # pairs that are explained together
 _MOST_CHUNKS = 12  # more add time and little else
@@ -25,12 +26,9 @@ _START = np.log([10.0, 0.1, 1.0])  # of the same
 _STEPS = 30  # of L-BFGS-B, for strength, pace and noise
 _RESOLVED, _TRIALS = 0.01, 14  # of the search's reach, to which a row time is found; and row times tried
 _QUADRATIC = 4.0  # fall of the log-likelihood over a step of both sides, up to which it is about quadratic
-_TONES = np.arange(12.0, 110.0, 0.25)  # Hz, that are tried; slower ones are a hand's
-_TONE_PX = 2.0  # the spread of a tone's coefficients
-_TONE_EVIDENCE = 14.0  # log-likelihood that a tone must add along one axis
+_TONE_STEP = 0.25  # Hz, from one tone that is tried to the next
 _VIBRATING = 30.0  # of the likeliest row time, that all tones must add; vibrating clips had 58 and more, one wrong readout 13
 _MOST_TONES = 2  # along either axis
-_HIDDEN = 0.3  # |sin(pi f T)|, T from frame to frame: below, a tone shakes all frames alike
 _HALVINGS = 8  # of a step that costs more
 
 
@@ -60,10 +58,10 @@ class Chunk:
         factor = cho_factor(self._covariances(row_time, hyper)[2], lower=True)
         waves = self._waves(self._times(row_time), tones)
         solved = cho_solve(factor, waves.reshape(len(waves), -1)).reshape(waves.shape)
-        precision = np.einsum("nfi,nfj->fij", waves, solved) + np.eye(2) / _TONE_PX**2
+        precision = np.einsum("nfi,nfj->fij", waves, solved) + np.eye(2) / vibration.SPREAD**2
         right = np.einsum("nfi,n->fi", solved, self.moved)
         explained = (right * np.linalg.solve(precision, right[..., None])[..., 0]).sum(axis=1)
-        return 0.5 * explained - 0.5 * np.linalg.slogdet(_TONE_PX**2 * precision)[1]
+        return 0.5 * explained - 0.5 * np.linalg.slogdet(vibration.SPREAD**2 * precision)[1]
 
     def _covariances(self, row_time: float, hyper: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of the coefficients: by the path, its derivative in log pace, and by all that moves them."""
@@ -75,7 +73,7 @@ class Chunk:
         path = self._displacement_covariance(decay * (1 + r + r * r / 3))
         slower = self._displacement_covariance(decay * (r * r * (1 + r) / 3))
         pan = np.einsum("iap,ip->ia", self.terms, at[1] - at[0]).ravel()
-        tones = _TONE_PX * self._waves(at, np.array(self.tones)).reshape(len(pan), 2 * len(self.tones))
+        tones = vibration.SPREAD * self._waves(at, np.array(self.tones)).reshape(len(pan), 2 * len(self.tones))
         sure = noise * self.noise + _PAN_PX_PER_S**2 * np.outer(pan, pan) + tones @ tones.T + _NUGGET * np.eye(len(pan))
         return path, slower, path + sure
 
@@ -173,12 +171,12 @@ def _with_tones(chunks: Sequence[Chunk], fit: PathFit) -> tuple[list[Chunk], Pat
 def _one_more(chunks: Sequence[Chunk], fit: PathFit) -> list[Chunk]:
     """The chunks of one axis with the tone that adds most, if it adds enough."""
     period = float(np.median([np.median(np.diff(chunk.begins[0])) for chunk in chunks])) if chunks else 0.0
-    tones = _TONES[np.abs(np.sin(np.pi * _TONES * period)) > _HIDDEN]
+    tones = vibration.frequencies(_TONE_STEP, period)
     if not len(tones):
         return [*chunks]
     gains = np.sum([chunk.gains(fit.row_time, fit.hyper[chunk.axis], tones) for chunk in chunks], axis=0)
     best = float(tones[gains.argmax()])
-    return [replace(chunk, tones=(*chunk.tones, best)) if gains.max() >= _TONE_EVIDENCE else chunk for chunk in chunks]
+    return [replace(chunk, tones=(*chunk.tones, best)) if gains.max() >= vibration.EVIDENCE else chunk for chunk in chunks]
 
 
 def likeliest(chunks: Sequence[Chunk], near: PathFit, reach: float) -> PathFit:

@@ -17,15 +17,12 @@ from jaxtyping import Float
 from scipy.linalg import cho_factor, cho_solve
 
 from rsvideo.physics.trajectory import Spline, VibratingSpline
+from rsvideo.physics.vibration import EVIDENCE, SPREAD, frequencies, telling
 from rsvideo.restoration.point_equations import Pair
 
-LOWEST, HIGHEST = 12.0, 110.0  # Hz; slower is a hand's
 STEP, FINE_STEP = 1.0, 0.25  # Hz, from one frequency to the next, and about the best one
-EVIDENCE = 14.0  # E, from which on a tone is believed
-SPREAD = 2.0  # r, px
 STEADY = 0.5  # s, over which a tone's strength and phase change evenly
 MOST = 3  # tones: an engine's, and those of what it shakes
-HIDDEN = 0.3  # |sin(pi f T)|, T from frame to frame: below, a tone shakes all frames alike, as the scene's depth seems to
 FAINTEST = 0.2  # sinc(f e), below which points hardly show a tone's strength
 AT_REST = 1e-3  # px: the spread along axes that no tone shakes
 
@@ -49,9 +46,9 @@ class Explained:
     variance: Float[np.ndarray, " fields"]  # about that
 
 
-def vibrating(path: Spline, frequencies: Iterable[float]) -> VibratingSpline:
+def vibrating(path: Spline, hertz: Iterable[float]) -> VibratingSpline:
     """A path at rest with tones of these frequencies beside it."""
-    tones, nodes = tuple(map(float, frequencies)), 1 + max(1, round((path.t1 - path.t0) / STEADY))
+    tones, nodes = tuple(map(float, hertz)), 1 + max(1, round((path.t1 - path.t0) / STEADY))
     coefficients = np.zeros((len(path.coefficients) + 2 * nodes * len(tones), path.coefficients.shape[1]))
     return VibratingSpline(t0=path.t0, t1=path.t1, coefficients=coefficients, frequencies=tones, nodes=nodes)
 
@@ -81,26 +78,21 @@ def strongest(
 ) -> Tone | None:
     """The tone that the points of pairs of frames ask for most beside a path, if they do; `equations` are theirs in any path."""
     period, smooth = float(np.median(np.diff(begins))), found.path.smooth
-    grid = _telling(np.arange(LOWEST, HIGHEST, STEP), period)
+    grid = frequencies(STEP, period)
     if not len(grid):
         return None
 
-    def of(frequencies: np.ndarray) -> np.ndarray:
-        designs = [pair.design[:, len(smooth.coefficients) :] for pair in equations(vibrating(smooth, frequencies))]
-        return _evidence(pairs, found, designs, len(frequencies))
+    def of(tried: np.ndarray) -> np.ndarray:
+        designs = [pair.design[:, len(smooth.coefficients) :] for pair in equations(vibrating(smooth, tried))]
+        return _evidence(pairs, found, designs, len(tried))
 
     best = grid[of(grid).max(axis=1).argmax()]
-    fine = _telling(best + np.arange(-STEP, STEP + FINE_STEP, FINE_STEP), period)
+    fine = telling(best + np.arange(-STEP, STEP + FINE_STEP, FINE_STEP), period)
     shown = of(fine)
     at = int(shown.max(axis=1).argmax())
     if shown[at].max() < EVIDENCE:
         return None
     return Tone(frequency=float(fine[at]), axes=(*(shown[at] >= EVIDENCE).tolist(), False)[: smooth.coefficients.shape[1]])
-
-
-def _telling(frequencies: Float[np.ndarray, " tones"], period: float) -> Float[np.ndarray, " telling"]:
-    """Those that do not shake all frames alike."""
-    return frequencies[np.abs(np.sin(np.pi * frequencies * period)) > HIDDEN]
 
 
 def _evidence(
