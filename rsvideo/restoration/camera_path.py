@@ -37,7 +37,7 @@ END_ERROR = 3.0  # times what H says of the deviation at a run's ends: where a s
 FREE = 1e-6  # precision of every coefficient, in 1 / px^2: a spread of 1000 px, so that where the path begins is free
 _FIT_POINTS = 4  # for each coefficient of a frame's polynomial, at which it is fitted to the spline; origin: by trial
 _SPEED_POINTS = 9  # of the window in which a path's speed is measured; origin: by trial
-_ROUNDING = 1e-9  # s, and rows: keeps the last of a range inside it
+_ROUNDING = 1e-9  # of a piece, which rounding may add to a whole number of them
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
