@@ -143,6 +143,7 @@ def test_a_tone_of_a_vibrating_spline_changes_its_strength_evenly():
     wave = 3 * (1 - np.abs(2 * place - 1)) * np.sin(2 * np.pi * 90 * t)
     p = curve(vibrating, 17).with_coefficients(np.zeros((17, 2)))
     found = fit(p, t, np.stack([wave, 5 + 0 * t], axis=1))
+    assert isinstance(found, VibratingSpline)
     np.testing.assert_allclose(found.at(t), np.stack([wave, 5 + 0 * t], axis=1), atol=1e-9)
     assert found.coefficients[5 + 6 + 2 + 1, 0] == pytest.approx(3)
     np.testing.assert_allclose(found.smooth.at(t)[:, 1], 5, atol=1e-9)
