@@ -6,29 +6,25 @@ few knots, settles what no point shows; and what points do beyond the path (para
 """
 
 import time
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.physics.camera import Camera
+from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Trajectory, still
-from rsvideo.progress import Observer, ignore
 from rsvideo.restoration import clip_motion, scanlines
+from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import resampled, sources
 from rsvideo.restoration.scanlines import View
-from rsvideo.restoration.settings import Settings
 
 STILL = 0.05  # px; a frame of which no pixel moves farther is left as it was
 
 
-def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore) -> Movement:
+def movement(run: Run) -> Movement:
     """The motion that tracked points alone show, in image axes, and what the points do beyond it."""
-    run = clip_motion.gather(frames, camera, settings, observe, blur=False)
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
     path = clip_motion.path_from_tracks(run)

@@ -60,22 +60,26 @@ def photograph(treatment: Treatment, frame: Frame, trajectory: Trajectory | None
 
 def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.ndarray, " frames"], observe: Observer = ignore) -> Movement:
     """How the camera moved in successive frames that begin at `begins`, as far as the method needs it, in image axes."""
-    camera, settings = treatment.camera, treatment.settings
     if treatment.method is Method.GYRO and treatment.gyro:
-        return treatment.gyro.movement(begins, camera)
+        return treatment.gyro.movement(begins, treatment.camera)
     if treatment.method is Method.GYRO_REFINE and treatment.gyro:
-        return treatment.gyro.refined(clip_motion.gather(frames, camera, settings, observe))
+        return treatment.gyro.refined(_gathered(treatment, frames, observe))
     if treatment.method.rectifies:
-        return rectify.movement(frames, camera, settings, observe)
-    if treatment.method is Method.RSVIDEO and settings.frames != "cold":
+        return rectify.movement(_gathered(treatment, frames, observe, blur=False))
+    if treatment.method is Method.RSVIDEO and treatment.settings.frames != "cold":
         return clip_motion.movement(run_of(treatment, frames, observe))
     return Movement.unfollowed(len(begins), 3)
 
 
 def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ignore) -> Run:
     """Successive frames as their motion is estimated, exposed as they show where nobody states it."""
-    run = replace(clip_motion.gather(frames, treatment.camera, treatment.settings, observe), toned=not treatment.readout_guessed)
+    run = _gathered(treatment, frames, observe)
     return run if treatment.exposure_spread is None else run.exposed(exposure.of_each(run, treatment.exposure_spread))
+
+
+def _gathered(treatment: Treatment, frames: Iterable[Frame], observe: Observer, *, blur: bool = True) -> Run:
+    run = clip_motion.gather(frames, treatment.camera, treatment.settings, observe, blur=blur)
+    return replace(run, toned=not treatment.readout_guessed)
 
 
 def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe: Observer = ignore) -> Iterator[FrameResult]:

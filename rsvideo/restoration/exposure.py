@@ -116,8 +116,12 @@ def in_better_focus(run: Run, stated: float, shown: float) -> bool:
     frames = _most_moving(run, path)[:FRAMES]
     if not frames or _middle_length(run, path, frames, stated) < DEFENDED:
         return False
-    focus, other = (deviations(votes(run.exposed(np.full(len(run.begins), seconds)), path, frames)) for seconds in (stated, shown))
-    return focus > max(CHANCE, other)
+
+    def focus(exposure: float) -> float:
+        taken = run.exposed(np.full(len(run.begins), exposure))
+        return deviations(votes(taken, path_from_tracks(taken), frames))
+
+    return focus(stated) > max(CHANCE, focus(shown))
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:

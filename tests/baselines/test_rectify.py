@@ -13,6 +13,7 @@ from rsvideo.physics.shutter import Direction
 from rsvideo.physics.simulate import Rendering
 from rsvideo.physics.trajectory import Polynomial, Spline, Trajectory, fit
 from rsvideo.restoration import rectification
+from rsvideo.restoration.clip_motion import gather
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View, path_along_scanlines, to_scanlines
@@ -29,7 +30,7 @@ def sharp(frames: int, direction: Direction = Direction.TOP_TO_BOTTOM, reach: fl
 
 
 def movement(moving: Moving, frames: list[Frame] | None = None) -> Movement:
-    return rectify.movement(moving.recorded if frames is None else frames, moving.camera, Settings())
+    return rectify.movement(gather(moving.recorded if frames is None else frames, moving.camera, Settings(), blur=False))
 
 
 def along(frame: Frame, path: Trajectory | None, camera: Camera) -> tuple[View, Trajectory | None]:

@@ -29,6 +29,7 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.simulate import margin, render
 from rsvideo.physics.trajectory import Spline, Trajectory
 from rsvideo.restoration.camera_path import follow, unexplained, within
+from rsvideo.restoration.clip_motion import gather
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow, Points, flows
 from rsvideo.restoration.rectification import rectified
@@ -147,7 +148,7 @@ def rms(displacements: list[np.ndarray]) -> float:
 
 def measured(moving: Clip) -> tuple[float, ...]:
     """Wobble before and after, as the true motion tells it and as corners show it."""
-    found = movement(moving.frames, moving.camera, Settings())
+    found = movement(gather(moving.frames, moving.camera, Settings(), blur=False))
     before, now = (rms([told(moving, k, how) for k in range(len(moving.frames))]) for how in (None, found))
     ways = zip(moving.frames, found.within, [one.flow for one in found.evidence], strict=True)
     shown = [straight(moving, f, w, u) if w else f for f, w, u in ways]

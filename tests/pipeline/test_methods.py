@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from rsvideo.frame import Verdict
 from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.report.metrics import psnr
+from rsvideo.restoration import clip_motion
+from rsvideo.restoration.camera_path import CameraPath, follow
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import Moving, planes
 
@@ -76,6 +79,21 @@ def test_each_method_gives_every_frame_back_in_order(method: Method, least: floa
         if not result.verdict.changed:
             np.testing.assert_array_equal(result.latent, before.pixels)
     assert np.mean([gain(r.latent, k) for k, r in enumerate(results)]) >= least
+
+
+@pytest.mark.parametrize("method", [Method.RECTIFY, Method.RSVIDEO])
+@pytest.mark.parametrize("guessed", [True, False])
+def test_no_method_looks_for_tones_with_a_readout_that_is_a_guess(method: Method, guessed: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    toned: list[bool] = []
+
+    def followed(*args: Any, **kwargs: Any) -> CameraPath:
+        toned.append(kwargs["toned"])
+        return follow(*args, **kwargs)
+
+    monkeypatch.setattr(clip_motion, "follow", followed)
+    clip = moving()
+    methods.movement(replace(treatment(method), readout_guessed=guessed), iter(clip.recorded), clip.begins)
+    assert set(toned) == {not guessed}
 
 
 def test_a_photograph_follows_a_recorded_motion(tmp_path: Path) -> None:
