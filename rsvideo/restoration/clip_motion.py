@@ -33,9 +33,10 @@ from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
-from rsvideo.restoration.trust import SHORT, run_share
+from rsvideo.restoration.trust import run_share
 
 TRUST = 2e-3  # tau; origin: by trial
+VOTING = 1.5  # px of blur, from which on a frame votes
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 SPARE = 4  # evaluations beyond one a step, for line searches
 TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
@@ -221,7 +222,7 @@ def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> li
     for k in range(len(run.begins)) if frames is None else frames:
         camera = run.camera.exposed(float(run.exposures[k]))
         cut = within(path.spline, run.opens(k), camera.timing)
-        if (length := longest(camera, cut)) > SHORT:
+        if (length := longest(camera, cut)) > VOTING:
             wanted.append((scene_at(run, k, flows_beside[k], length), cut))
     return threads.each(lambda each: focus_value(*each), wanted)
 

@@ -15,11 +15,11 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.focus import focus_map
 from rsvideo.restoration.scene import Scene, reduced
 
-SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
-OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
-FRAME_DOUBT = 1.5e-3  # s of a whole frame, by which it may be below 0 before it is not restored at all
+SHORT, LONG = 1.0, 2.5  # px of blur within an exposure: up to the first, deblurring gains little; from the second on it is done in full
+OUT_OF_FOCUS, IN_FOCUS = -0.005, -0.001  # s of a region: along true paths, too, it scatters about 0 where there is little texture
+FRAME_OUT, FRAME_IN = -0.002, -0.0005  # s of a whole frame: up to the first it is not restored at all, from the second on in full
 SURELY, DOUBT = 5.0, 2.0  # standard errors that s of a whole frame must be above 0 along a path that nothing makes certain, and by how many
-# it may be below that before it is not restored at all; all three chosen on scenes of several depths
+# it may be below that before it is not restored at all; all of these chosen on scenes of several depths and real ones (docs/results.md)
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
@@ -32,7 +32,7 @@ _LEAST_VOTE = 1e-12  # where no frame votes, the sum is divided by this
 
 def run_share(votes: Sequence[float]) -> float:
     """The share of restorations, 0 to 1, that s of a run's blurred frames grants together."""
-    return float(np.clip((deviations(votes) - CHANCE) / (CERTAIN - CHANCE), 0, 1))
+    return float(_between(deviations(votes), CHANCE, CERTAIN))
 
 
 def deviations(votes: Sequence[float]) -> float:
@@ -56,14 +56,14 @@ def trust(scene: Scene, path: Trajectory, length: float, certainty: float) -> Fl
         return np.zeros((rows, cols), np.float32)
     scene = reduced(scene, length)
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))
-    share = np.clip((focus.about - OUT_OF_FOCUS) / (IN_FOCUS - OUT_OF_FOCUS), 0, 1) * min((length - SHORT) / (LONG - SHORT), 1)
-    share *= np.clip(1 + focus.whole / FRAME_DOUBT, 0, 1) * np.clip(1 + (focus.surely - SURELY * (1 - certainty)) / DOUBT, 0, 1)
+    share = _between(focus.about, OUT_OF_FOCUS, IN_FOCUS) * _between(length, SHORT, LONG) * _between(focus.whole, FRAME_OUT, FRAME_IN)
+    share *= np.clip(1 + (focus.surely - SURELY * (1 - certainty)) / DOUBT, 0, 1)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
 
 
 def observed(covered: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
     """The share of a restoration that the frame's own data grant, 0 to 1; `covered` is `BlurredFrame`'s."""
-    return np.clip((covered - UNOBSERVED) / (OBSERVED - UNOBSERVED), 0, 1).astype(np.float32)
+    return _between(covered, UNOBSERVED, OBSERVED).astype(np.float32)
 
 
 def agreement(
@@ -73,5 +73,10 @@ def agreement(
 
     Where no neighbour shows the place, the `certainty` of the path has to grant it.
     """
-    share = np.clip((np.where(shown, explained, certainty) - APART) / (AGREED - APART), 0, 1).astype(np.float32)
+    share = _between(np.where(shown, explained, certainty), APART, AGREED).astype(np.float32)
     return cv2.blur(share, (AGREEMENT, AGREEMENT))
+
+
+def _between(value: np.ndarray | float, none: float, whole: float) -> np.ndarray:
+    """The share, 0 to 1, that rises from `none` to `whole`."""
+    return np.asarray(np.clip((value - none) / (whole - none), 0, 1))
