@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, UInt8
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
@@ -36,6 +36,7 @@ from rsvideo.restoration.tracks import Tracks, codes, track
 from rsvideo.restoration.trust import run_share
 
 TRUST = 2e-3  # tau; origin: by trial
+SOONEST = 0.5  # of a frame's exposure, or of its readout, after which the next one may begin; a camera waits for either to end
 VOTING = 1.5  # px of blur, from which on a frame votes
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 SPARE = 4  # evaluations beyond one a step, for line searches
@@ -144,7 +145,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         scene = scene_of(to_scanlines(frame, camera), settings)
         after = codes(scene.frame)
         if before is not None:
-            links.append(track(before, after, camera.timing.exposure / max(frame.time - begins[-1], camera.timing.exposure)))
+            links.append(_link(before, after, frame.time - begins[-1], camera.timing))
         before = after
         begins.append(frame.time)
         if blur:
@@ -163,6 +164,13 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         steps=settings.effort.blur_steps,
         exposures=np.full(len(begins), camera.timing.exposure),
     )
+
+
+def _link(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"], elapsed: float, timing: ShutterTiming) -> Tracks:
+    """The points that two frames share; none where their times cannot be, as of pictures that a clip says to be shown at one time."""
+    if elapsed < SOONEST * max(timing.exposure, timing.readout):
+        return Tracks(before=np.zeros((0, 2)), after=np.zeros((0, 2)))
+    return track(before, after, timing.exposure / max(elapsed, timing.exposure))
 
 
 def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:

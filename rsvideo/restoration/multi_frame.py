@@ -149,7 +149,7 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         straight = _straight(view, path, evidence, moved)
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
-    noise = single_frame.model_noise(view, evidence.error if evidence else 0.0)
+    noise = single_frame.model_noise(view, min(evidence.error, length) if evidence else 0.0)
     draft = draft and settings.splittings > 0 and not too_long(view, length)
     how = replace(settings, quality="draft") if draft else settings
     alone = single_frame.restored(view, how, path=path, noise=noise, flow=evidence and evidence.flow, coverage=evidence is not None)

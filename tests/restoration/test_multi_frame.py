@@ -102,6 +102,13 @@ def test_a_cut_ends_one_path_and_frames_without_a_neighbour_stand_alone() -> Non
     np.testing.assert_array_equal(alone.steps, np.zeros((1, 3)))
 
 
+def test_no_path_leads_through_pictures_that_a_clip_says_to_be_shown_at_one_time() -> None:
+    moving = Moving(frames=4)
+    frames = moving.recorded
+    frames[2] = replace(frames[2], time=frames[1].time + 1e-6)
+    assert gather(frames, moving.camera, Settings()).tied == [True, False, True, False]
+
+
 def test_each_frame_is_restored_with_its_own_exposure() -> None:
     moving = Moving(frames=3, reach=12.0)
     middles = moving.path.at(moving.begins + moving.timing.middle)
@@ -184,6 +191,14 @@ def test_a_frame_without_neighbours_is_restored_by_itself_as_far_as_it_is_truste
 
 
 @pytest.mark.usefixtures("in_focus")
+@pytest.mark.usefixtures("in_focus")
+def test_a_frame_keeps_its_light_however_wrong_its_path_may_be() -> None:
+    moving, frames, found = with_a_stranger()
+    vague = [replace(evidence, error=2000.0) for evidence in found.evidence]
+    first = next(iter(multi_frame.restored(frames, replace(found, evidence=vague), moving.camera, Settings())))
+    assert first.latent.mean() == pytest.approx(frames[0].pixels.mean(), rel=0.05)
+
+
 def test_what_neither_the_frame_nor_a_neighbour_observed_is_only_straightened(monkeypatch: pytest.MonkeyPatch) -> None:
     moving, frames, found = with_a_stranger()
     clipped = frames[2].clipped.copy()
