@@ -63,11 +63,14 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
     if treatment.method is Method.GYRO and treatment.gyro:
         return treatment.gyro.movement(begins, treatment.camera)
     if treatment.method is Method.GYRO_REFINE and treatment.gyro:
-        return treatment.gyro.refined(_gathered(treatment, frames, observe))
+        run = _gathered(treatment, frames, observe)
+        return treatment.gyro.refined(run).shown(run.pictures)
     if treatment.method.rectifies:
-        return rectify.movement(_gathered(treatment, frames, observe, blur=False))
+        run = _gathered(treatment, frames, observe, blur=False)
+        return rectify.movement(run).shown(run.pictures)
     if treatment.method is Method.RSVIDEO and treatment.settings.frames != "cold":
-        return clip_motion.movement(run_of(treatment, frames, observe))
+        run = run_of(treatment, frames, observe)
+        return clip_motion.movement(run).shown(run.pictures)
     return Movement.unfollowed(len(begins), 3)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
@@ -37,6 +37,7 @@ from rsvideo.restoration.trust import run_share
 
 TRUST = 2e-3  # tau; origin: by trial
 SOONEST = 0.5  # of a frame's exposure, or of its readout, after which the next one may begin; a camera waits for either to end
+STILLEST, MOVING = 0.1, 1.0  # px: points of a picture that is shown again move by less, and by more before or behind it
 VOTING = 1.5  # px of blur, from which on a frame votes
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 SPARE = 4  # evaluations beyond one a step, for line searches
@@ -58,6 +59,7 @@ class Run:
     axes: int
     steps: int  # of L-BFGS, in which blur refines the path
     exposures: Float[np.ndarray, " frames"]  # s, of each frame; none is longer than the camera's
+    pictures: Int[np.ndarray, " pictures"]  # which of the frames each picture of the clip shows: some repeat the one before
     toned: bool = True  # whether points may show tones: not with a readout that is no more than a guess
 
     @property
@@ -135,7 +137,10 @@ def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Mov
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
-    """Take frames in one by one. They are not kept, nor, without `blur`, what their blur is measured from."""
+    """Take frames in one by one. They are not kept, nor, without `blur`, what their blur is measured from.
+
+    Where a picture repeats the one before, as after a change of the frame rate, the run holds the frame once.
+    """
     begins: list[float] = []
     scenes: list[Scene] = []
     wide: list[Scene] = []
@@ -152,18 +157,27 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
             scenes.append(windowed(scene, COLS))
             wide.append(reduced(halved(scene)))
         observe(Progress(stage="motion", fraction=0.0, frame=frame.index))
-    upright = camera.along_scanlines()
+    again = repeats(links)
+    first = np.array([True, *(not still for still in again)][: len(begins)], bool)
     return Run(
-        begins=np.array(begins),
-        scenes=scenes,
-        wide=wide,
-        links=links,
-        camera=upright,
+        begins=np.array(begins)[first],
+        scenes=[scene for scene, new in zip(scenes, first, strict=False) if new],
+        wide=[scene for scene, new in zip(wide, first, strict=False) if new],
+        links=[link for link, still in zip(links, again, strict=True) if not still],
+        camera=camera.along_scanlines(),
         source_camera=camera,
         axes=settings.axes,
         steps=settings.effort.blur_steps,
-        exposures=np.full(len(begins), camera.timing.exposure),
+        exposures=np.full(int(first.sum()), camera.timing.exposure),
+        pictures=np.cumsum(first) - 1,
     )
+
+
+def repeats(links: Sequence[Tracks]) -> list[bool]:
+    """Whether the later one of each two pictures repeats the former: all points stay where they were, though they move before or behind."""
+    moved = [0.0, *(link.moved for link in links), 0.0]
+    around = [max(before, behind) for before, behind in zip(moved[:-2], moved[2:], strict=True)]
+    return [bool(link.farthest < STILLEST and near > MOVING) for link, near in zip(links, around, strict=True)]
 
 
 def _link(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"], elapsed: float, timing: ShutterTiming) -> Tracks:

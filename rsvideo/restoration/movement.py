@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
@@ -59,6 +59,17 @@ class Movement:
             tied=self.tied[first:last],
             evidence=self.evidence[first:last],
             exposures=self.exposures[first:last],
+        )
+
+    def shown(self, pictures: Int[np.ndarray, " pictures"]) -> "Movement":
+        """That of pictures, each of which shows one of the frames: the pose stays where a picture shows the same as the next one."""
+        again = np.append(pictures[1:] == pictures[:-1], [False] * min(len(pictures), 1))
+        return Movement(
+            within=[self.within[k] for k in pictures],
+            steps=np.where(again[:, None], 0.0, self.steps[pictures]),
+            tied=[bool(still) or self.tied[k] for k, still in zip(pictures, again, strict=True)],
+            evidence=[self.evidence[k] for k in pictures if self.evidence],
+            exposures=[self.exposures[k] for k in pictures if self.exposures],
         )
 
     def along_scanlines(self, direction: Direction) -> "Movement":

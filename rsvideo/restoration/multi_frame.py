@@ -66,7 +66,8 @@ def restored(
     A frame without a trajectory in `movement`, which is in image axes, is restored by itself, blindly. A frame that moves by less
     than STILL px is left as it was, and up to MOVING px it is mixed with what becomes of it, so that nothing flickers. A motion
     that was estimated is followed as far as `trust` says; elsewhere the frame is rectified only. A motion that is given is followed
-    as it is. At most 2 n + 1 frames are kept, n the neighbours on either side.
+    as it is. A picture that repeats the frame tells nothing new, and does not help. At most 2 n + 1 frames are kept, n the neighbours
+    on either side.
     """
     reach = settings.effort.neighbours if settings.frames == "together" else 0
     movement = movement.along_scanlines(camera.timing.direction)
@@ -75,7 +76,8 @@ def restored(
     waiting: dict[int, _Waiting] = {}
 
     def ready(k: int) -> FrameResult:
-        others = [w.image for j, w in waiting.items() if j != k and abs(j - k) <= reach and group[j] == group[k] and w.image]
+        near = [j for j in waiting if abs(j - k) <= reach and group[j] == group[k] and (poses[j] != poses[k]).any()]
+        others = [image for j in near if (image := waiting[j].image)]
         done = _with_neighbours(waiting[k], others, settings).result()
         waiting[k] = _Waiting(image=waiting[k].image)  # others need no more of it
         waiting.pop(k - reach, None)

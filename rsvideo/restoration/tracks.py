@@ -35,6 +35,11 @@ class Tracks:
         """How far the points move, px; the median, 0 without any."""
         return float(np.median(np.linalg.norm(self.after - self.before, axis=1))) if len(self.before) else 0.0
 
+    @property
+    def farthest(self) -> float:
+        """How far nine in ten points move at most, px; infinite without any."""
+        return float(np.percentile(np.linalg.norm(self.after - self.before, axis=1), 90)) if len(self.before) else np.inf
+
     def enlarged(self, scale: int) -> "Tracks":
         """The points as frames show them that are so many times as large."""
         before, after = (scale * (points + 0.5) - 0.5 for points in (self.before, self.after))

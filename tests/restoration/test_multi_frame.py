@@ -1,6 +1,6 @@
 """One path through a run of frames: what tracks say of it, what blur adds, and how its pieces join."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -15,6 +15,7 @@ from rsvideo.progress import Observer, ignore
 from rsvideo.restoration import multi_frame, single_frame
 from rsvideo.restoration.clip_motion import gather
 from rsvideo.restoration.clip_motion import movement as of_run
+from rsvideo.restoration.fusion import PosedImage
 from rsvideo.restoration.movement import Evidence, Movement, joined
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import to_scanlines
@@ -35,7 +36,8 @@ def pieces(path: Trajectory, timing: ShutterTiming) -> tuple[list[tuple[np.ndarr
 
 
 def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore) -> Movement:
-    return of_run(gather(frames, camera, settings, observe))
+    run = gather(frames, camera, settings, observe)
+    return of_run(run).shown(run.pictures)
 
 
 def test_pieces_of_a_path_join_to_the_path() -> None:
@@ -107,6 +109,47 @@ def test_no_path_leads_through_pictures_that_a_clip_says_to_be_shown_at_one_time
     frames = moving.recorded
     frames[2] = replace(frames[2], time=frames[1].time + 1e-6)
     assert gather(frames, moving.camera, Settings()).tied == [True, False, True, False]
+
+
+def twice() -> tuple[Moving, list[Frame]]:
+    """A clip whose second frame is shown for a third, which was lost."""
+    moving = Moving(frames=5, reach=12.0)
+    frames = moving.recorded
+    frames[2] = replace(frames[2], pixels=frames[1].pixels)
+    return moving, frames
+
+
+def test_a_picture_that_repeats_the_one_before_does_not_stop_the_camera() -> None:
+    moving, frames = twice()
+    run = gather(frames, moving.camera, Settings())
+    assert run.pictures.tolist() == [0, 1, 1, 2, 3]
+    np.testing.assert_array_equal(run.begins, moving.begins[[0, 1, 3, 4]])
+    found = of_run(run).shown(run.pictures)
+    assert found.within[2] is found.within[1]
+    assert found.tied == [True] * 4 + [False]
+    np.testing.assert_array_equal(found.steps[1], 0)
+    poses = moving.path.at(moving.begins + moving.timing.middle)
+    np.testing.assert_allclose(found.steps[2, :2], (poses[3] - poses[1])[:2], atol=0.5)
+
+
+def test_a_camera_that_stands_still_repeats_nothing() -> None:
+    moving = Moving(frames=3)
+    frames = [replace(frame, pixels=moving.recorded[0].pixels) for frame in moving.recorded]
+    assert gather(frames, moving.camera, Settings()).pictures.tolist() == [0, 1, 2]
+
+
+def test_a_repeated_picture_does_not_bear_out_its_own_restoration(monkeypatch: pytest.MonkeyPatch) -> None:
+    moving, frames = twice()
+    run, helped = gather(frames, moving.camera, Settings()), []
+
+    def helpful(own: PosedImage, others: Sequence[PosedImage]) -> Sequence[PosedImage]:
+        helped.append([bool((own.pose == other.pose).all()) for other in others])
+        return others
+
+    monkeypatch.setattr(multi_frame, "helpful", helpful)
+    list(multi_frame.restored(frames, of_run(run).shown(run.pictures), moving.camera, Settings(prior="tv")))
+    assert helped
+    assert not any(any(same) for same in helped)
 
 
 def test_each_frame_is_restored_with_its_own_exposure() -> None:
