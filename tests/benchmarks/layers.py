@@ -1,14 +1,15 @@
 """Film scenes of several depths, with things that move by themselves, by a rolling shutter, as cases for footage.py.
 
     python tests/benchmarks/layers.py PHOTOS --gyro LOG -o CASES [--clips 26] [--frames 16] [--half choose] [--seed 0]
-        [--vibration PX] [--pan PX] [--scale 1]
+        [--vibration PX] [--pan PX] [--scale 1] [--repeat N]
 
 PHOTOS is a folder of sharp pictures. Each scene has a photograph far away, up to two others cut out as pillars, ground or pebbles and
 nearer by up to ten times, and in one of two scenes a thing that moves by itself: so motion changes abruptly at borders, where no smooth
 field follows it. The camera turns as a random moment of LOG says, at 0.3 to 1.5 times its speed, and walks. Exposure is 4 to 33 ms, readout
 5 to 30 ms, at 30 frames a second; noise, clipping and H.264 as a camera's. --vibration adds a shake of 25 to 90 Hz and up to so many px,
 --pan a steady turn by 0.4 to 1 times so many px from frame to frame, mostly sideways; photographs are mirrored at their borders.
-Clips are of 640 x 360 px, and the numbers above those of such clips; --scale makes them larger, all px with them.
+Clips are of 640 x 360 px, and the numbers above those of such clips; --scale makes them larger, all px with them. With --repeat, every
+Nth picture repeats the one before, as converters of the frame rate leave it where a frame was lost.
 Photographs of one half only are taken (corpus.py): what is chosen by the one can be reported by the other. CASES gets a folder a clip
 with clip.mp4, truth.mp4, the sharp scene at the middle of each frame's interval, and case.json. The blur of a frame is that of its middle
 scanline, in px at a depth between far and near.
@@ -181,6 +182,11 @@ def stream(path: Path, frames: int, rows: int, cols: int) -> Stream:
     )
 
 
+def repeats(k: int, every: int) -> bool:
+    """Whether picture k shows the frame before once more."""
+    return bool(every and k and k % every == 0)
+
+
 def made(case: Path, photographs: list[Path], log: GyroLog, args: argparse.Namespace, number: int) -> None:
     """The folder of one clip."""
     rng = np.random.default_rng([args.seed, number, args.half == "choose"])
@@ -196,14 +202,15 @@ def made(case: Path, photographs: list[Path], log: GyroLog, args: argparse.Names
     clip, truth = (
         Writer(case / n, stream(case / n, args.frames, rows, cols), Encoding(codec="h264", crf=crf)) for n, crf in qualities.items()
     )
-    blur = []
+    light, sharp, blur = np.zeros(0), np.zeros(0), []
     with clip, truth:
         for k in range(args.frames):
-            opens = LEAD + k / RATE
-            light = np.mean([shown(layers, pose, opens + scanlines + t, args.scale) for t in when], axis=0)
-            light = np.minimum(gain * light, 1)
-            light += noise * np.sqrt(0.3 + light) * rng.normal(size=light.shape)
-            sharp = gain * shown(layers, pose, np.full(rows, opens + timing.middle), args.scale)
+            opens = LEAD + (k - repeats(k, args.repeat)) / RATE
+            if not repeats(k, args.repeat):
+                light = np.mean([shown(layers, pose, opens + scanlines + t, args.scale) for t in when], axis=0)
+                light = np.minimum(gain * light, 1)
+                light += noise * np.sqrt(0.3 + light) * rng.normal(size=light.shape)
+                sharp = gain * shown(layers, pose, np.full(rows, opens + timing.middle), args.scale)
             for writer, pixels in ((clip, light), (truth, sharp)):
                 picture = Picture(planes=(), index=k, pts=k, duration=1, time=k / RATE)
                 writer.write(colour.encoded(np.clip(pixels, 0, 1).astype(np.float32), picture, writer.colour))
@@ -229,10 +236,11 @@ def main() -> None:
     parser.add_argument("--vibration", type=float, default=0.0, metavar="PX")
     parser.add_argument("--pan", type=float, default=0.0, metavar="PX")
     parser.add_argument("--scale", type=float, default=1.0)
+    parser.add_argument("--repeat", type=int, default=0, metavar="N")
     args = parser.parse_args()
     photographs = sorted(p for p in args.photographs.glob("*.jpg") if half(p) == args.half)
     log = gyro.parse(args.gyro.read_text().splitlines())
-    options = {"vibration": args.vibration, "pan": args.pan, "scale": args.scale if args.scale != 1 else 0}
+    options = {"vibration": args.vibration, "pan": args.pan, "scale": args.scale if args.scale != 1 else 0, "repeat": args.repeat}
     for number in range(args.clips):
         moved = "".join(f"-{name}{value:g}" for name, value in options.items() if value)
         case = args.output / f"layers-{args.half}-{args.seed}-{number:03}{moved}"
