@@ -37,7 +37,8 @@ from rsvideo.restoration.trust import run_share
 
 TRUST = 2e-3  # tau; origin: by trial
 SOONEST = 0.5  # of a frame's exposure, or of its readout, after which the next one may begin; a camera waits for either to end
-STILLEST, MOVING = 0.1, 1.0  # px: points of a picture that is shown again move by less, and by more before or behind it
+MOVING = 1.0  # px from picture to picture, from which on a camera moves
+STILL = 0.05  # of that before or behind it, below which the points of a picture that is shown again move; the codec moves them
 VOTING = 1.5  # px of blur, from which on a frame votes
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 SPARE = 4  # evaluations beyond one a step, for line searches
@@ -177,7 +178,7 @@ def repeats(links: Sequence[Tracks]) -> list[bool]:
     """Whether the later one of each two pictures repeats the former: all points stay where they were, though they move before or behind."""
     moved = [0.0, *(link.moved for link in links), 0.0]
     around = [max(before, behind) for before, behind in zip(moved[:-2], moved[2:], strict=True)]
-    return [bool(link.farthest < STILLEST and near > MOVING) for link, near in zip(links, around, strict=True)]
+    return [bool(near > MOVING and link.farthest < STILL * near) for link, near in zip(links, around, strict=True)]
 
 
 def _link(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"], elapsed: float, timing: ShutterTiming) -> Tracks:
