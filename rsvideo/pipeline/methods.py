@@ -33,6 +33,7 @@ class Treatment:
     gyro: Gyro | None  # of the methods that need one
     camera: Camera
     timing_source: str  # where the timing comes from, for the record
+    exposure_shown: bool = False  # by the clip's blur: it is that, or what is stated agrees with it
     readout_guessed: bool = False  # nobody states it, and the clip shows not even a likely one
     exposure_spread: float | None = None  # in its logarithm, by which that of a part of a clip may differ; None: it is stated
 
@@ -82,7 +83,7 @@ def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ig
 
 def _gathered(treatment: Treatment, frames: Iterable[Frame], observe: Observer, *, blur: bool = True) -> Run:
     run = clip_motion.gather(frames, treatment.camera, treatment.settings, observe, blur=blur)
-    return replace(run, toned=not treatment.readout_guessed)
+    return replace(run, exposure_shown=treatment.exposure_shown, toned=not treatment.readout_guessed)
 
 
 def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe: Observer = ignore) -> Iterator[FrameResult]:

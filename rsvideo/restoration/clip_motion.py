@@ -33,13 +33,12 @@ from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
-from rsvideo.restoration.trust import run_share
+from rsvideo.restoration.trust import SHORT, run_share
 
 TRUST = 2e-3  # tau; origin: by trial
 SOONEST = 0.5  # of a frame's exposure, or of its readout, after which the next one may begin; a camera waits for either to end
 MOVING = 1.0  # px from picture to picture, from which on a camera moves
 STILL = 0.05  # of that before or behind it, below which the points of a picture that is shown again move; the codec moves them
-VOTING = 1.5  # px of blur, from which on a frame votes
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 SPARE = 4  # evaluations beyond one a step, for line searches
 TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
@@ -61,6 +60,7 @@ class Run:
     steps: int  # of L-BFGS, in which blur refines the path
     exposures: Float[np.ndarray, " frames"]  # s, of each frame; none is longer than the camera's
     pictures: Int[np.ndarray, " pictures"]  # which of the frames each picture of the clip shows: some repeat the one before
+    exposure_shown: bool = False  # whether the clip's blur has shown its exposure
     toned: bool = True  # whether points may show tones: not with a readout that is no more than a guess
 
     @property
@@ -245,7 +245,7 @@ def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> li
     for k in range(len(run.begins)) if frames is None else frames:
         camera = run.camera.exposed(float(run.exposures[k]))
         cut = within(path.spline, run.opens(k), camera.timing)
-        if (length := longest(camera, cut)) > VOTING:
+        if (length := longest(camera, cut)) > SHORT:
             wanted.append((scene_at(run, k, flows_beside[k], length), cut))
     return threads.each(lambda each: focus_value(*each), wanted)
 
@@ -263,6 +263,7 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
             error=float(np.hypot(PATH_ERROR, departure)) if flow else PATH_ERROR,
             share=share,
             certainty=float(certainty),
+            exposure_shown=run.exposure_shown,
         )
         for flow, departure, certainty in zip(_flows(run, beyond), coherent, certain, strict=True)
     ]

@@ -130,7 +130,8 @@ def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: S
     share = 1.0
     if evidence:
         scene = scene_of(view, settings, evidence.flow)
-        share = evidence.share * trust(scene, path, length, evidence.certainty)[..., None] if evidence.share else 0.0
+        followed = trust(scene, path, length, evidence.certainty, evidence.exposure_shown)[..., None] if evidence.share else 0.0
+        share = evidence.share * followed
     if np.mean(share) < LEAST_SHARE:
         verdict = Verdict.DISAGREES if length > LONG and not (evidence and evidence.share) else Verdict.STRAIGHTENED
         return _Judged(verdict=verdict, moved=moved, length=length)

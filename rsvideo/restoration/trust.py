@@ -15,14 +15,16 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.focus import focus_map
 from rsvideo.restoration.scene import Scene, reduced
 
-SHORT, LONG = 1.0, 2.5  # px of blur within an exposure: up to the first, deblurring gains little; from the second on it is done in full
-OUT_OF_FOCUS, IN_FOCUS = -0.005, -0.001  # s of a region: along true paths, too, it scatters about 0 where there is little texture
-FRAME_OUT, FRAME_IN = -0.002, -0.0005  # s of a whole frame: up to the first it is not restored at all, from the second on in full
+SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
+OUT_OF_FOCUS, IN_FOCUS = -0.002, 0.003  # s of a region; origin: by trial on real scenes
+FRAME_DOUBT = 1.5e-3  # s of a whole frame, by which it may be below 0 before it is not restored at all
 SURELY, DOUBT = 5.0, 2.0  # standard errors that s of a whole frame must be above 0 along a path that nothing makes certain, and by how many
-# it may be below that before it is not restored at all; all of these chosen on scenes of several depths and real ones (docs/results.md)
+# it may be below that before it is not restored at all; all three chosen on scenes of several depths
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
+CREDIT_BLUR, CREDIT_REGION, CREDIT_FRAME = 0.5, 3.5e-3, 5e-4  # px; s of a region; s of a frame: by so much all three may be less where the
+# clip's blur has shown its exposure; chosen on scenes of several depths and real ones
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
 FULL_VOTE = 0.005  # s of a frame, beyond which it hardly counts more, so that no frame outweighs many; origin: by trial
 SCATTER = 0.0065  # s of a single frame that counts as one standard deviation: twice that along wrong paths, whose tails are long
@@ -46,18 +48,20 @@ def deviations(votes: Sequence[float]) -> float:
     return float(max(agreed, sharp.sum() / (SCATTER * np.sqrt(max(len(sharp), 1)))))
 
 
-def trust(scene: Scene, path: Trajectory, length: float, certainty: float) -> Float[np.ndarray, "rows cols"]:
+def trust(scene: Scene, path: Trajectory, length: float, certainty: float, exposure_shown: bool = False) -> Float[np.ndarray, "rows cols"]:
     """The share of the restoration along a path whose blur is `length` px long, 0 to 1, smooth over the frame.
 
-    `certainty`, 0 to 1, says how surely the scanlines are displaced as the path says.
+    `certainty`, 0 to 1, says how surely the scanlines are displaced as the path says. Where the clip's blur has shown its exposure, s
+    about a pixel hardly tells more: it counts only where it is plainly against the path.
     """
     rows, cols = scene.frame.shape
-    if length <= SHORT:
+    credit = float(exposure_shown)
+    if (credited := length + credit * CREDIT_BLUR) <= SHORT:
         return np.zeros((rows, cols), np.float32)
     scene = reduced(scene, length)
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))
-    share = _between(focus.about, OUT_OF_FOCUS, IN_FOCUS) * _between(length, SHORT, LONG) * _between(focus.whole, FRAME_OUT, FRAME_IN)
-    share *= np.clip(1 + (focus.surely - SURELY * (1 - certainty)) / DOUBT, 0, 1)
+    share = _between(focus.about + credit * CREDIT_REGION, OUT_OF_FOCUS, IN_FOCUS) * _between(credited, SHORT, LONG)
+    share *= _between(focus.whole + credit * CREDIT_FRAME, -FRAME_DOUBT, 0) * _between(focus.surely - SURELY * (1 - certainty), -DOUBT, 0)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
 
 
