@@ -79,6 +79,19 @@ def test_a_path_that_nothing_makes_certain_must_be_in_focus_for_sure(
     np.testing.assert_allclose(found, shares, atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("about", "length", "shares"), [(-0.001, 9.0, [0.2, 0.9]), (0.01, 1.8, [0.2, 0.8 / 1.5]), (-0.01, 9.0, [0.0, 0.0])]
+)
+def test_regions_have_to_show_less_where_the_clips_blur_has_shown_its_exposure(
+    about: float, length: float, shares: list[float], blurred: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, path = blurred
+    seen = Focus(about=np.full(scene.frame.shape, about, np.float32), whole=0.01, surely=8.0)
+    monkeypatch.setattr("rsvideo.restoration.trust.focus_map", lambda *_: seen)
+    found = [trust(scene, path, length, 1.0, exposure_shown).mean() for exposure_shown in (False, True)]
+    np.testing.assert_allclose(found, shares, atol=1e-6)
+
+
 def test_where_no_neighbour_shows_the_place_the_path_must_be_certain() -> None:
     shown = np.arange(60)[None] < np.full((40, 1), 30)
     explained = np.where(shown, np.float32(0.8), np.float32(0))
