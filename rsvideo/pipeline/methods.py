@@ -65,13 +65,13 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
         return treatment.gyro.movement(begins, treatment.camera)
     if treatment.method is Method.GYRO_REFINE and treatment.gyro:
         run = _gathered(treatment, frames, observe)
-        return treatment.gyro.refined(run).shown(run.pictures)
+        return treatment.gyro.refined(run).of_pictures(run.pictures)
     if treatment.method.rectifies:
         run = _gathered(treatment, frames, observe, blur=False)
-        return rectify.movement(run).shown(run.pictures)
+        return rectify.movement(run).of_pictures(run.pictures)
     if treatment.method is Method.RSVIDEO and treatment.settings.frames != "cold":
         run = run_of(treatment, frames, observe)
-        return clip_motion.movement(run).shown(run.pictures)
+        return clip_motion.movement(run).of_pictures(run.pictures)
     return Movement.unfollowed(len(begins), 3)
 
 

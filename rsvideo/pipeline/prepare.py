@@ -95,9 +95,14 @@ class Task:
             taken,
             gyro=self.gyro,
             exposure_shown=bool(found and found.exposure is not None),
-            readout_guessed=bool(found and found.readout is None),
+            readout_guessed=self._readout_guessed,
             exposure_spread=self._exposure_spread,
         )
+
+    @property
+    def _readout_guessed(self) -> bool:
+        """Whether nobody states the readout, and the job's frames show not even a likely one."""
+        return bool(self.request.measured and self.request.measured.readout is None)
 
     @property
     def _exposure_spread(self) -> float | None:
@@ -106,8 +111,7 @@ class Task:
             return None
         if not self.shutter.exposure.assumed:
             return exposure.ABOUT
-        found = self.request.measured
-        return None if found and found.readout is None else math.inf
+        return None if self._readout_guessed else math.inf
 
     @property
     def picture_bytes(self) -> int:

@@ -151,7 +151,7 @@ def _movement(shown: Task, task: Task, frames: Sequence[Frame], mine: Sequence[i
         return methods.movement(treatment, frames, np.array([frame.time for frame in frames]), observe)
     run = methods.run_of(treatment, frames, observe)
     observe(Progress(stage="blur", fraction=0.2))
-    return clip_motion.movement(run, np.isin(np.arange(len(run.begins)), run.pictures[mine])).shown(run.pictures)
+    return clip_motion.movement(run, np.isin(np.arange(len(run.begins)), run.pictures[mine])).of_pictures(run.pictures)
 
 
 def _decoded(shown: Task, task: Task, first: int, last: int) -> list[Frame]:

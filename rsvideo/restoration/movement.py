@@ -62,7 +62,7 @@ class Movement:
             exposures=self.exposures[first:last],
         )
 
-    def shown(self, pictures: Int[np.ndarray, " pictures"]) -> "Movement":
+    def of_pictures(self, pictures: Int[np.ndarray, " pictures"]) -> "Movement":
         """That of pictures, each of which shows one of the frames: the pose stays where a picture shows the same as the next one."""
         again = np.append(pictures[1:] == pictures[:-1], [False] * min(len(pictures), 1))
         return Movement(

@@ -37,7 +37,7 @@ def pieces(path: Trajectory, timing: ShutterTiming) -> tuple[list[tuple[np.ndarr
 
 def movement(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore) -> Movement:
     run = gather(frames, camera, settings, observe)
-    return of_run(run).shown(run.pictures)
+    return of_run(run).of_pictures(run.pictures)
 
 
 def test_pieces_of_a_path_join_to_the_path() -> None:
@@ -124,7 +124,7 @@ def test_a_picture_that_repeats_the_one_before_does_not_stop_the_camera() -> Non
     run = gather(frames, moving.camera, Settings())
     assert run.pictures.tolist() == [0, 1, 1, 2, 3]
     np.testing.assert_array_equal(run.begins, moving.begins[[0, 1, 3, 4]])
-    found = of_run(run).shown(run.pictures)
+    found = of_run(run).of_pictures(run.pictures)
     assert found.within[2] is found.within[1]
     assert found.tied == [True] * 4 + [False]
     np.testing.assert_array_equal(found.steps[1], 0)
@@ -147,7 +147,7 @@ def test_a_repeated_picture_does_not_bear_out_its_own_restoration(monkeypatch: p
         return others
 
     monkeypatch.setattr(multi_frame, "helpful", helpful)
-    list(multi_frame.restored(frames, of_run(run).shown(run.pictures), moving.camera, Settings(prior="tv")))
+    list(multi_frame.restored(frames, of_run(run).of_pictures(run.pictures), moving.camera, Settings(prior="tv")))
     assert helped
     assert not any(any(same) for same in helped)
 
