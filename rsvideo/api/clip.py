@@ -72,7 +72,8 @@ def deblur_clip(
 
     The clip is gone through twice, once for its cuts and once, chunk by chunk, for its motion and its latent images, so that memory
     does not grow with its length (about 40 frames are held). An iterator that can be consumed only once is kept in a temporary file.
-    The pixels are those that `rsvideo deblur` writes for the same frames without loss.
+    The pixels are those that `rsvideo deblur --force` writes for the same frames without loss: what is stated is taken,
+    without a look at what the clip's blur shows of the exposure.
 
     Args:
         frames: A file, a folder of pictures, a `Clip`, or an iterable of arrays of one shape and kind, as `deblur` takes them.

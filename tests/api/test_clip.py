@@ -81,7 +81,7 @@ def test_the_frames_come_in_order_and_sharper(moving: Moving, restored: list[rsv
 @pytest.mark.slow
 @pytest.mark.usefixtures("short_chunks")
 def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored: list[rsvideo.Result], tmp_path: Path) -> None:
-    camera = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px}
+    camera = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px, "force": True}
     output = {"output": tmp_path / "out", "encoding": {"codec": "png"}, "deblur": {"prior": "tv", "quality": "draft"}}
     task = prepare(Request.model_validate({"source": folder, "input": {"rate": RATE}, "camera": camera, **output}))
     assert len(chunk.chunks(task)) == 2
