@@ -234,7 +234,6 @@ def test_a_frame_without_neighbours_is_restored_by_itself_as_far_as_it_is_truste
 
 
 @pytest.mark.usefixtures("in_focus")
-@pytest.mark.usefixtures("in_focus")
 def test_a_frame_keeps_its_light_however_wrong_its_path_may_be() -> None:
     moving, frames, found = with_a_stranger()
     vague = [replace(evidence, error=2000.0) for evidence in found.evidence]
@@ -242,6 +241,7 @@ def test_a_frame_keeps_its_light_however_wrong_its_path_may_be() -> None:
     assert first.latent.mean() == pytest.approx(frames[0].pixels.mean(), rel=0.05)
 
 
+@pytest.mark.usefixtures("in_focus")
 def test_what_neither_the_frame_nor_a_neighbour_observed_is_only_straightened(monkeypatch: pytest.MonkeyPatch) -> None:
     moving, frames, found = with_a_stranger()
     clipped = frames[2].clipped.copy()
