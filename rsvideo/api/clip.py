@@ -18,9 +18,12 @@ from rsvideo.api.settings import Settings
 from rsvideo.api.shutter import Shutter
 from rsvideo.api.trajectory import Trajectory
 from rsvideo.api.treatment import Stated
+from rsvideo.config import sidecar
 from rsvideo.physics.camera import Intrinsics
+from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import chunk as chunks
+from rsvideo.pipeline.tracked import Tracked
 from rsvideo.progress import Observer, ignore
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.video.stream import Picture
@@ -43,6 +46,7 @@ class Track:
         timing: The shutter of every frame, but for its exposure where that changes.
         exposures: (frames,) seconds.
         camera: The lens in pixels.
+        noise: Of the sensor, where a profile gave it.
         notes: What the user should know: what was assumed, and from where.
     """
 
@@ -54,7 +58,14 @@ class Track:
     timing: ShutterTiming
     exposures: Float[np.ndarray, " frames"] = field(repr=False)
     camera: Intrinsics
+    noise: Noise | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> Tracked:
+        """With which shutter and lens it was found."""
+        lens = sidecar.Camera.of(self.camera, "trajectory", self.noise)
+        return Tracked(path=Path("the given Track"), timing=self.timing, timing_source="trajectory", camera=lens)
 
 
 def deblur_clip(
@@ -66,24 +77,29 @@ def deblur_clip(
     rate: float | str | Fraction | None = None,
     transfer: str | None = None,
     trajectory: Track | str | PathLike[str] | None = None,
+    force: bool = False,
     observe: Observer | None = None,
 ) -> Iterator[Result]:
     """Remove motion blur and rolling-shutter distortion from a clip, frame by frame; nothing is written.
 
-    The clip is gone through twice, once for its cuts and once, chunk by chunk, for its motion and its latent images, so that memory
+    The clip is gone through once for its cuts and once, chunk by chunk, for its motion and its latent images, so that memory
     does not grow with its length (about 40 frames are held). An iterator that can be consumed only once is kept in a temporary file.
-    The pixels are those that `rsvideo deblur --force` writes for the same frames without loss: what is stated is taken,
-    without a look at what the clip's blur shows of the exposure.
+    The pixels are those that `rsvideo deblur` writes for the same frames without loss. As there, the clip's 40 middle frames show an
+    exposure, a readout and a focal length that nobody states, and whether a stated exposure can be right, before this returns; what
+    they do not show is assumed, as results' notes say. Nothing is measured along a motion that is given.
 
     Args:
         frames: A file, a folder of pictures, a `Clip`, or an iterable of arrays of one shape and kind, as `deblur` takes them.
-        shutter: Exposure, readout and direction of every frame; what it leaves open a file's metadata and the profile answer.
+        shutter: Exposure, readout and direction of every frame; what it leaves open a file's metadata, the profile and then the clip's
+            own frames answer.
         camera: The focal length, or a profile; of a file also a camera of the public table of readout times.
         settings: How to restore; the command line's defaults unless given.
         rate: Frames a second, of arrays and of folders of pictures, such as 24 or "24000/1001".
         transfer: What codes mean, by name. [default: the clip's tag, or "srgb" of arrays]
         trajectory: Restore along this motion: a `Track` of the same clip, or a file (a sidecar of `rsvideo track` or `rsvideo deblur`, or
-            CSV of t_s,pitch_rad,yaw_rad,roll_rad over the whole clip).
+            CSV of t_s,pitch_rad,yaw_rad,roll_rad over the whole clip). Shutter and lens are those with which `track` or `rsvideo track`
+            found it.
+        force: Take exposure and readout as stated, whatever the clip's blur shows, and though they are longer than a frame's period.
         observe: Called with a `Progress` (stage, fraction of its frame, frame) now and then.
 
     Returns:
@@ -103,10 +119,14 @@ def deblur_clip(
         1 restored (216, 192, 3)
         2 restored (216, 192, 3)
     """
+    given = trajectory if isinstance(trajectory, Track) else None
     motion = None if trajectory is None or isinstance(trajectory, Track) else Path(trajectory)
-    stated = Stated.of(shutter, camera, settings, rate=rate, transfer=transfer, motion=motion, moved=trajectory is not None)
+    found = given.found if given else None
+    stated = Stated.of(
+        shutter, camera, settings, rate=rate, transfer=transfer, motion=motion, moved=trajectory is not None, found=found, force=force
+    )
     shot = _footage(frames, stated)
-    return _restored(shot, trajectory if isinstance(trajectory, Track) else None, observe or ignore)
+    return _restored(shot, given, observe or ignore)
 
 
 def track(
@@ -117,6 +137,7 @@ def track(
     settings: Settings | None = None,
     rate: float | str | Fraction | None = None,
     transfer: str | None = None,
+    force: bool = False,
     observe: Observer | None = None,
 ) -> Track:
     """Find how the camera moved in and between the frames of a clip, and restore nothing.
@@ -135,7 +156,7 @@ def track(
     """
     if settings is not None and settings.frames == "cold":
         raise ValueError("frames must be together or alone to track a clip, got 'cold', which restores each frame as a still")
-    shot = _footage(frames, Stated.of(shutter, camera, settings, rate=rate, transfer=transfer))
+    shot = _footage(frames, Stated.of(shutter, camera, settings, rate=rate, transfer=transfer, force=force))
     camera_found, found, times = shot.treatment.camera, [], []
     for chunk, pictures in shot.chunks():
         moving = chunks.movement(shot.treatment, pictures, shot.colour, None, observe or ignore)
@@ -152,6 +173,7 @@ def track(
         timing=camera_found.timing,
         exposures=np.array([each.timing.exposure for part in found for each in part.cameras(camera_found)]),
         camera=camera_found.intrinsics,
+        noise=camera_found.noise,
         notes=shot.notes,
     )
 

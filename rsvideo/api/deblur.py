@@ -90,7 +90,8 @@ def _prepared(image: np.ndarray | Picture, stated: Stated) -> tuple[Light, Prepa
     else:
         stored = treatment.Stored(name="an array", rows=rows, cols=cols)
     prepared = treatment.prepared(stated, stored)
-    light = arrays.light("image", pixels, named or prepared.transfer or Transfer.SRGB, None if named else prepared.saturation)
+    curve, saturation = (named, None) if named else prepared.response
+    light = arrays.light("image", pixels, curve or Transfer.SRGB, saturation)
     return replace(light, clipped=image.clipped.reshape(light.clipped.shape)) if of_file else light, prepared
 
 

@@ -3,7 +3,7 @@
 import itertools
 import tempfile
 import weakref
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +11,8 @@ import numpy as np
 
 from rsvideo.api import arrays, treatment
 from rsvideo.api.files import Clip
-from rsvideo.api.treatment import Stated
+from rsvideo.api.treatment import Response, Stated
+from rsvideo.frame import Frame
 from rsvideo.pipeline import clip_frames
 from rsvideo.pipeline.chunk import in_view, planned
 from rsvideo.pipeline.methods import Treatment
@@ -82,7 +83,8 @@ def of_arrays(frames: Frames, stated: Stated) -> Footage:
     rate, transfer = stated.rate, stated.transfer
     if rate is None:
         raise ValueError("rate must be given, arrays do not say how many frames there are a second; rate=24 or rate='24000/1001'")
-    if iter(frames) is frames:
+    once = iter(frames) is frames
+    if once:
         first = next(frames, None)  # pyright: ignore[reportCallIssue, reportArgumentType] - it is an iterator
         passes = _kept(itertools.chain([] if first is None else [first], frames))
     else:
@@ -94,19 +96,27 @@ def of_arrays(frames: Frames, stated: Stated) -> Footage:
     codes = arrays.is_codes(first)
     arrays.curve(first, transfer)  # which light has not
     size = treatment.Stored(name="an array", rows=stored.shape[0], cols=stored.shape[1], rate=rate)
-    found = treatment.prepared(stated, size)
-    meaning = sequence.colour_of("png" if codes else "exr", _planes("frame 0", first, first))
-    if codes and (curve := transfer or found.transfer):
-        meaning = replace(meaning, transfer=curve, saturation=None if transfer else found.saturation)
+    plain = sequence.colour_of("png" if codes else "exr", _planes("frame 0", first, first))
 
-    def pictures() -> Iterator[Picture]:
-        for k, image in enumerate(passes()):
+    def meaning(response: Response) -> Colour:
+        curve, saturation = (transfer, None) if transfer else response
+        return replace(plain, transfer=curve, saturation=saturation) if codes and curve else plain
+
+    def pictures(begin: int = 0, end: int | None = None) -> Iterator[Picture]:
+        for k, image in enumerate(itertools.islice(passes(), begin, end), begin):
             planes = _planes(f"frame {k}", image, first)
             yield Picture(planes=planes, index=k, pts=k, duration=1, time=float(k / rate))
 
+    def middle(response: Response) -> Iterator[Frame]:
+        from rsvideo.pipeline import measuring  # which loads what is needed for measuring alone
+
+        count = len(frames) if isinstance(frames, Sized) and not once else sum(1 for _ in passes())
+        return (clip_frames.frame(meaning(response), picture) for picture in pictures(*measuring.middle(0, count)))
+
+    found = treatment.prepared(stated, size, middle)
     return Footage(
         pictures=pictures,
-        colour=meaning,
+        colour=meaning(found.response),
         treatment=found.treatment,
         notes=found.notes,
         kind=(first.dtype, first.ndim),

@@ -1,6 +1,7 @@
 """From what a user states to what the pipeline takes: the one file of this room that builds requests."""
 
 import tempfile
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -12,12 +13,16 @@ from rsvideo.api.words import transfer_named
 from rsvideo.config import media, sidecar
 from rsvideo.config.quantity import frame_rate
 from rsvideo.config.request import Request
+from rsvideo.frame import Frame
 from rsvideo.physics.tone import Tone, Transfer
 from rsvideo.pipeline import devices, prepare, take
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.prepare import Task
 from rsvideo.pipeline.take import Take
+from rsvideo.pipeline.tracked import Tracked
 from rsvideo.shooting import profiles
+
+Response = tuple[Tone | None, float | None]  # the curve of codes, and the code in [0, 1] from which on highlights are lost
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +36,8 @@ class Stated:
     transfer: Transfer | None  # what codes mean
     motion: Path | None  # the file that gives it
     moved: bool  # whether the motion is given, in a file or as a value
+    found: Tracked | None = None  # with what it was found, if it is a clip's and given as a value
+    force: bool = False  # whether times are taken as stated, whatever the clip shows
 
     @staticmethod
     def of(
@@ -42,6 +49,8 @@ class Stated:
         transfer: str | None = None,
         motion: Path | None = None,
         moved: bool = False,
+        found: Tracked | None = None,
+        force: bool = False,
     ) -> "Stated":
         """The arguments of the public functions; ValueError where a word or a number cannot be meant."""
         return Stated(
@@ -52,6 +61,8 @@ class Stated:
             transfer=transfer_named(transfer),
             motion=motion,
             moved=moved,
+            found=found,
+            force=force,
         )
 
 
@@ -72,26 +83,31 @@ class Prepared:
     """How pictures of one size are restored, and what their codes mean."""
 
     treatment: Treatment
-    transfer: Tone | None  # of the profile
-    saturation: float | None  # the code in [0, 1] from which on highlights are lost, by the profile
+    response: Response  # of the profile
     notes: tuple[str, ...]
 
 
-def prepared(stated: Stated, stored: Stored) -> Prepared:
-    """Timing, lens and tone of pictures that are arrays; ValueError where something is missing."""
+def prepared(stated: Stated, stored: Stored, frames: Callable[[Response], Iterable[Frame]] | None = None) -> Prepared:
+    """Timing, lens and tone of pictures that are arrays; ValueError where something is missing.
+
+    `frames` opens those of a clip's `measuring.middle`, whose codes mean light by the profile's response.
+    """
     profile = None if stated.camera.profile is None else profiles.find(stated.camera.profile)
     rate = None if stored.rate is None else float(stored.rate)
     taken = take.of_pictures(profile, stored.rows, stored.cols, fps=rate, exposure=stored.exposure, focal=stored.focal_px)
-    _check_complete(stated.shutter, taken, stored.name)
-    request = _request(Path(stored.name), replace(stated, motion=Path("given") if stated.moved else None))
+    response = (taken.profile.tone, taken.profile.saturation) if taken.profile else (None, None)
+    request = _request(Path(stored.name), replace(stated, motion=stated.motion or (Path("given") if stated.moved else None)))
     devices.check(request)
+    if frames is None:
+        _check_complete(stated.shutter, taken, stored.name)
+    else:
+        request, taken = prepare.measured(request, taken, lambda: frames(response))
+    shutter, lens, notes = prepare.taken_by(request, taken, stated.found)
     settings = prepare.settings_of(request.motion, request.deblur)
-    shutter, lens, notes = prepare.taken_by(request, taken)
     return Prepared(
         treatment=prepare.treatment(request, settings, shutter, _bent(stated, lens)),
-        transfer=taken.profile.tone if taken.profile else None,
-        saturation=taken.profile.saturation if taken.profile else None,
-        notes=(*taken.notes, *shutter.notes, *notes),
+        response=response,
+        notes=(*taken.notes, *notes),
     )
 
 
@@ -113,7 +129,7 @@ def of_path(path: Path, stated: Stated) -> Task:
     """A clip's file or folder, as the command prepares it; nothing is written to the output that it is given."""
     if not media.is_clip(path):
         raise ValueError(f"{path} is taken for a photograph, clips are .mp4, .mov, .mkv or folders; deblur(read(path)) takes photographs")
-    task = prepare.prepare(_request(path, stated))
+    task = prepare.prepare(_request(path, stated), found=stated.found)
     return replace(task, camera=_bent(stated, task.camera))
 
 
@@ -139,6 +155,7 @@ def _request(source: Path, stated: Stated) -> Request:
                 "direction": shutter.direction,
                 "focal_px": camera.focal_px,
                 "transfer": stated.transfer,
+                "force": stated.force,
             },
             "motion": motion.model_copy(update={"trajectory": stated.motion}),
             "deblur": deblur,

@@ -4,8 +4,9 @@ How points move from frame to frame shows the readout and the focal length, and 
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.pipeline import clip_frames
-from rsvideo.pipeline.take import Opened
+from rsvideo.pipeline.take import Opened, Take
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.settings import Settings
@@ -32,12 +33,17 @@ from rsvideo.video.stream import Stream
 
 FRAMES = 40  # from the middle of what is restored
 DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
+Taken = TypeVar("Taken", bound=Take)
 
 
 def needed(given: Stated, sources: Sources) -> bool:
-    """Whether a clip's exposure or readout is stated by nobody, or its exposure is typed in, and not to be forced."""
+    """Whether a clip's exposure or readout is stated by nobody, or its exposure is typed in, and not to be forced.
+
+    ValueError where a time that is stated cannot be.
+    """
+    exposure, unknown = timing.exposure_of(given, sources)[0], readout_unknown(given, sources)
     typed = (given.exposure is not None or given.shutter_angle is not None) and not given.force
-    return typed or timing.exposure_of(given, sources)[0] is None or readout_unknown(given, sources)
+    return typed or exposure is None or unknown
 
 
 def unstated(given: Stated, sources: Sources) -> bool:
@@ -54,16 +60,30 @@ def readout_unknown(given: Stated, sources: Sources) -> bool:
 
 def of_take(take: Opened, given: Stated, first: int, last: int, on_damage: OnDamage = "fail") -> Measured | None:
     """What the frames [first, last) of a clip show of its shutter and lens; None where all is stated and nothing is to be checked."""
-    assert isinstance(take.source, Stream)
-    focal = _stated_focal(take, given)
-    if focal is not None and not needed(given, take.shutter):
+    return of_frames(take, given, lambda: frames_of(take, first, last, on_damage))
+
+
+def of_frames(take: Take, given: Stated, frames: Callable[[], Iterable[Frame]]) -> Measured | None:
+    """The same of a clip from anywhere; `frames` opens those of its `middle`, and is called only where they are needed."""
+    focal, open_questions = _stated_focal(take, given), needed(given, take.shutter)
+    if focal is not None and not open_questions:
         return None
+    return measured(frames(), given, take.shutter, focal)
+
+
+def middle(first: int, last: int) -> tuple[int, int]:
+    """Which frames of [first, last) are measured."""
     begin = max(first, (first + last - FRAMES) // 2)
-    shown = clip_frames.decoded(take.source, begin, min(last, begin + FRAMES), on_damage=on_damage)
-    return measured(shown, given, take.shutter, focal)
+    return begin, min(last, begin + FRAMES)
 
 
-def _stated_focal(take: Opened, given: Stated) -> float | None:
+def frames_of(take: Opened, first: int, last: int, on_damage: OnDamage) -> Iterator[Frame]:
+    """The frames of a clip's `middle`, in linear light."""
+    assert isinstance(take.source, Stream)
+    return clip_frames.decoded(take.source, *middle(first, last), on_damage=on_damage)
+
+
+def _stated_focal(take: Take, given: Stated) -> float | None:
     lens = take.profile.intrinsics if take.profile else None
     return given.focal_px or (lens.fx if lens else take.focal.value if take.focal else None)
 
@@ -76,7 +96,7 @@ def with_measured(take: Opened, given: Stated) -> Opened:
     return settled(replace(take, notes=(*take.notes, *unclear)), found)
 
 
-def settled(take: Opened, found: Measured | None) -> Opened:
+def settled(take: Taken, found: Measured | None) -> Taken:
     """The take with what its frames have shown."""
     focal = take.focal
     if focal is None and found and found.focal:

@@ -4,14 +4,15 @@ A photograph is one frame without neighbours; what else differs is how it is ope
 """
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Deblur, Measured, Motion, Request
-from rsvideo.frame import SMALLEST
+from rsvideo.frame import SMALLEST, Frame
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
@@ -19,7 +20,7 @@ from rsvideo.pipeline import devices, gyro_alignment, output, piping, take
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.take import Opened, Take
-from rsvideo.pipeline.tracked import tracked
+from rsvideo.pipeline.tracked import Tracked, tracked
 from rsvideo.restoration import exposure
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing, usual
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 _WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
 _NO_SHUTTER = Camera(exposure=1e-3, readout=0.0, force=True)  # of the method none, which does not use it
+Taken = TypeVar("Taken", bound=Take)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,29 +91,7 @@ class Task:
     @property
     def treatment(self) -> Treatment:
         """What is done to the frames."""
-        taken = treatment(self.request, self.settings, self.shutter, self.camera)
-        found = self.request.measured
-        return replace(
-            taken,
-            gyro=self.gyro,
-            exposure_shown=bool(found and found.exposure is not None),
-            readout_guessed=self._readout_guessed,
-            exposure_spread=self._exposure_spread,
-        )
-
-    @property
-    def _readout_guessed(self) -> bool:
-        """Whether nobody states the readout, and the job's frames show not even a likely one."""
-        return bool(self.request.measured and self.request.measured.readout is None)
-
-    @property
-    def _exposure_spread(self) -> float | None:
-        """A treatment's. Where a job's frames show no readout, not even a likely one, their path shows no exposure."""
-        if not self.shutter.exposure_open:
-            return None
-        if not self.shutter.exposure.assumed:
-            return exposure.ABOUT
-        return None if self._readout_guessed else math.inf
+        return replace(treatment(self.request, self.settings, self.shutter, self.camera), gyro=self.gyro)
 
     @property
     def picture_bytes(self) -> int:
@@ -129,10 +109,10 @@ class Task:
         return 0.0 if nothing else pixels * _SECONDS_A_PIXEL, self.frames * self.picture_bytes
 
 
-def prepare(request: Request, piped: "Stream | None" = None) -> Task:
+def prepare(request: Request, piped: "Stream | None" = None, found: Tracked | None = None) -> Task:
     """Open the source and settle timing, camera and encoding; raises ValueError, UnreadableError or FileExistsError.
 
-    `piped` is what a pipe has brought, if that is the source.
+    `piped` is what a pipe has brought, if that is the source. `found` is what is stated of a motion that is given, but not in a file.
     """
     check(request)
     request = devices.settled(request)
@@ -144,8 +124,9 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
             " so small a picture has nothing to measure motion by"
         )
     first, last, encoding, written = _frames_and_encoding(request, opened)
-    request, opened = _measured(request, opened, first, last)
-    shutter, camera, lens_notes = taken_by(request, opened)
+    if found is None:
+        request, opened = measured(request, opened, lambda: _middle(request, opened, first, last))
+    shutter, camera, notes = taken_by(request, opened, found)
     wanted = treatment(request, settings_of(request.motion, request.deblur), shutter, camera)
     gyro = _gyro(request, opened, (first, last), wanted.camera, wanted.settings)
     if gyro:  # which need not be looked for again
@@ -162,37 +143,46 @@ def prepare(request: Request, piped: "Stream | None" = None) -> Task:
         last=last,
         notes=(
             *opened.notes,
-            *_unclear(request, shutter),
-            *shutter.notes,
-            *lens_notes,
+            *notes,
             *((gyro.note,) if gyro and gyro.note else ()),
             *written,
         ),
     )
 
 
-def taken_by(request: Request, take: Take) -> tuple[timing.Resolved, sidecar.Camera, tuple[str, ...]]:
-    """Shutter, camera and what to know of the latter: those with which the motion was found, if it was found before."""
+def taken_by(request: Request, take: Take, found: Tracked | None = None) -> tuple[timing.Resolved, sidecar.Camera, tuple[str, ...]]:
+    """Shutter, camera and what to know of both: those with which the motion was found, if it was found before."""
     stated = _NO_SHUTTER if request.deblur.method is Method.NONE else request.camera
-    if request.is_clip and (found := tracked(request.motion.trajectory)):
-        return found.taken_by(request.camera, take.shutter, request.source), found.camera, ()
+    if take.of_clip and (found := found or tracked(request.motion.trajectory)):
+        shutter = found.taken_by(request.camera, take.shutter, request.source)
+        return shutter, found.camera, shutter.notes
     shutter = timing.resolve(stated, take.shutter)
-    return shutter, *_camera_of(request, take)
+    camera, notes = _camera_of(request, take)
+    return shutter, camera, (*_unclear(request, shutter), *shutter.notes, *notes)
 
 
-def _measured(request: Request, opened: Opened, first: int, last: int) -> tuple[Request, Opened]:
-    """The same with what the clip's own frames show of its shutter and lens, where our method needs it and it was not measured before."""
+def measured(request: Request, take: Taken, frames: Callable[[], Iterable[Frame]]) -> tuple[Request, Taken]:
+    """The same with what the clip's own frames show of its shutter and lens, where our method needs it and it was not measured before.
+
+    `frames` opens those of the clip's `measuring.middle`.
+    """
     motion, deblur = request.motion, request.deblur
     ours = deblur.method is Method.RSVIDEO and motion.trajectory is None and deblur.frames != "cold"
-    if not request.is_clip or not ours or isinstance(opened.source, Still):
-        return request, opened
+    if not take.of_clip or not ours:
+        return request, take
     from rsvideo.pipeline import measuring
 
     if request.measured is None:
         if request.preview:  # which shows what is stated, or assumed; a job measures it
-            return request, measuring.settled(opened, Measured()) if measuring.unstated(request.camera, opened.shutter) else opened
-        request = request.replaced(measured=measuring.of_take(opened, request.camera, first, last, request.input.on_damage))
-    return request, measuring.settled(opened, request.measured)
+            return request, measuring.settled(take, Measured()) if measuring.unstated(request.camera, take.shutter) else take
+        request = request.replaced(measured=measuring.of_frames(take, request.camera, frames))
+    return request, measuring.settled(take, request.measured)
+
+
+def _middle(request: Request, opened: Opened, first: int, last: int) -> Iterable[Frame]:
+    from rsvideo.pipeline import measuring
+
+    return measuring.frames_of(opened, first, last, request.input.on_damage)
 
 
 def _unclear(request: Request, shutter: timing.Resolved) -> tuple[str, ...]:
@@ -283,7 +273,9 @@ def _frames_and_encoding(request: Request, opened: Opened) -> "tuple[int, int, E
 
 
 def treatment(request: Request, settings: Settings, shutter: timing.Resolved, camera: sidecar.Camera) -> Treatment:
-    """What a request says is done, by its settings, to pictures that were taken so."""
+    """What a request says is done, by its settings and what was measured, to pictures that were taken so; but for a gyroscope's log."""
+    found = request.measured
+    guessed = bool(found and found.readout is None)  # nobody states the readout, and the job's frames show not even a likely one
     return Treatment(
         method=request.deblur.method,
         settings=settings,
@@ -291,7 +283,19 @@ def treatment(request: Request, settings: Settings, shutter: timing.Resolved, ca
         gyro=None,
         camera=physics.Camera(timing=shutter.timing, intrinsics=camera.intrinsics, noise=camera.sensor_noise),
         timing_source=shutter.source,
+        exposure_shown=bool(found and found.exposure is not None),
+        readout_guessed=guessed,
+        exposure_spread=_exposure_spread(shutter, readout_guessed=guessed),
     )
+
+
+def _exposure_spread(shutter: timing.Resolved, *, readout_guessed: bool) -> float | None:
+    """A treatment's. Where a job's frames show no readout, not even a likely one, their path shows no exposure."""
+    if not shutter.exposure_open:
+        return None
+    if not shutter.exposure.assumed:
+        return exposure.ABOUT
+    return None if readout_guessed else math.inf
 
 
 def settings_of(motion: Motion, deblur: Deblur) -> Settings:
@@ -330,7 +334,7 @@ def _camera_of(request: Request, take: Take) -> tuple[sidecar.Camera, tuple[str,
             notes += (f"focal length {focal:.0f} px is {source}: roll depends on it; --focal-px states it",)
     elif shift or not request.deblur.method.needs_lens:
         focal, source = float(longer), "assumed"  # a shift does not depend on it
-    elif request.is_clip:
+    elif take.of_clip:
         focal, source = usual.FOCAL * longer, "assumed"
         notes = (f"focal length {focal:.0f} px is assumed, {usual.FOCAL:g} of the longer side: roll depends on it; --focal-px states it",)
     else:

@@ -26,6 +26,11 @@ class Take:
     facts: "ClipFacts | None" = None  # by the clip itself
     notes: tuple[str, ...]
 
+    @property
+    def of_clip(self) -> bool:
+        """Whether it is of a clip, which has a rate of frames."""
+        return self.shutter.fps is not None
+
     def of(self, source: "Still | Stream") -> "Opened":
         """The same of a photograph or a clip that was opened."""
         return Opened(source=source, **{each.name: getattr(self, each.name) for each in fields(self)})
