@@ -86,7 +86,7 @@ class Movement:
 
 def joined(
     begins: Float[np.ndarray, " frames"],
-    within: Sequence[tuple[Float[np.ndarray, " samples"], Float[np.ndarray, "samples axes"]]],
+    within: Sequence[tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ axes"]]],  # samples, as many as each exposure has
     steps: Float[np.ndarray, "frames axes"],
     timing: ShutterTiming,
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n axes"]]:

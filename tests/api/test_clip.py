@@ -2,19 +2,23 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import imageio.v3 as imageio
 import numpy as np
 import pytest
 
 import rsvideo
-from rsvideo.config.request import Request
+from rsvideo.api import footage
+from rsvideo.api.treatment import Stated
+from rsvideo.config.request import Measured, Request
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
-from rsvideo.pipeline import chunk
+from rsvideo.pipeline import chunk, measuring
 from rsvideo.pipeline.deblur import carry_out
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import ignore
+from rsvideo.restoration import clip_motion
 from rsvideo.video import colour, decode
 from tests.pipeline.moving import RATE, Moving
 
@@ -23,6 +27,32 @@ CAMERA = rsvideo.Camera(focal_px=1.2 * 160)
 FRAMES = 6
 CHUNK = 4  # frames at most
 QUICK = rsvideo.Settings(prior="tv", quality="draft")  # the denoiser is tested with photographs
+
+
+class Again:
+    """Frames of which nobody knows how many there are before they are gone through; `taken` of each pass."""
+
+    def __init__(self, frames: list[np.ndarray]) -> None:
+        self.frames = frames
+        self.taken: list[int] = []
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        self.taken.append(0)
+        for frame in self.frames:
+            self.taken[-1] += 1
+            yield frame
+
+
+def command(folder: Path, words: dict[str, float], output: Path) -> Request:
+    """What `rsvideo deblur` is asked for a folder of pictures."""
+    how = {"encoding": {"codec": "png"}, "deblur": {"prior": "tv", "quality": "draft"}}
+    return Request.model_validate({"source": folder, "output": output, "input": {"rate": RATE}, "camera": words, **how})
+
+
+def arguments(words: dict[str, float]) -> dict[str, Any]:
+    """The same as arguments."""
+    shutter = rsvideo.Shutter(exposure=words.get("exposure"), readout=words.get("readout"))
+    return {"shutter": shutter, "camera": rsvideo.Camera(focal_px=words.get("focal_px")), "force": bool(words.get("force"))}
 
 
 @pytest.fixture(scope="module")
@@ -80,15 +110,78 @@ def test_the_frames_come_in_order_and_sharper(moving: Moving, restored: list[rsv
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("short_chunks")
-def test_arrays_become_the_pixels_that_the_command_writes(folder: Path, restored: list[rsvideo.Result], tmp_path: Path) -> None:
-    camera = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px, "force": True}
-    output = {"output": tmp_path / "out", "encoding": {"codec": "png"}, "deblur": {"prior": "tv", "quality": "draft"}}
-    task = prepare(Request.model_validate({"source": folder, "input": {"rate": RATE}, "camera": camera, **output}))
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px},
+        {},
+        {"exposure": 0.01, "readout": 0.02, "focal_px": CAMERA.focal_px},
+        {"exposure": 0.01, "readout": 0.02, "focal_px": CAMERA.focal_px, "force": True},
+    ],
+    ids=["stated", "measured", "contradicted", "forced"],
+)
+def test_arrays_become_the_pixels_that_the_command_writes(
+    words: dict[str, float], codes: list[np.ndarray], folder: Path, tmp_path: Path
+) -> None:
+    task = prepare(command(folder, words, tmp_path / "out"))
     assert len(chunk.chunks(task)) == 2
     carry_out(task, ignore)
     written = [imageio.imread(path) for path in sorted((tmp_path / "out").glob("*.png"))]
-    assert sum(result.restored for result in restored) >= FRAMES // 2
+    restored = list(rsvideo.deblur_clip(codes, settings=QUICK, rate=RATE, **arguments(words)))
+    assert any((result.latent != given).any() for result, given in zip(restored, codes, strict=True))
+    assert restored[0].notes == task.notes
     np.testing.assert_array_equal([result.latent for result in restored], written)
+
+
+@pytest.mark.parametrize(("words", "again"), [({}, True), ({"exposure": 0.01}, False)])
+def test_arrays_show_what_the_command_measures(
+    words: dict[str, float], again: bool, codes: list[np.ndarray], folder: Path, tmp_path: Path
+) -> None:
+    wanted = prepare(command(folder, words, tmp_path / "out"))
+    stated = Stated.of(rsvideo.Shutter(exposure=words.get("exposure")), None, QUICK, rate=RATE)
+    shot = footage.of_arrays(codes if again else iter(codes), stated)
+    for name in ("camera", "timing_source", "exposure_shown", "readout_guessed", "exposure_spread"):
+        assert getattr(shot.treatment, name) == getattr(wanted.treatment, name)
+    assert shot.treatment.exposure_shown
+    assert shot.notes == wanted.notes
+    assert len(list(shot.pictures())) == FRAMES
+
+
+@pytest.mark.parametrize("sized", [True, False])
+def test_the_frames_in_the_middle_are_measured(sized: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[int] = []
+    monkeypatch.setattr(measuring, "measured", lambda frames, *_: taken.extend(frame.index for frame in frames) or Measured())
+    frames = [np.full((48, 64), k / 60) for k in range(measuring.FRAMES + 12)]
+    rsvideo.deblur_clip(frames if sized else Again(frames), rate=RATE)
+    assert taken == list(range(6, 6 + measuring.FRAMES))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [{"force": True}, {"settings": rsvideo.Settings(frames="cold")}, {"trajectory": "motion.csv"}],
+)
+def test_nothing_is_measured_where_it_would_not_be_used(words: dict, codes: list[np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measuring, "measured", lambda *_: pytest.fail("all is stated"))
+    rsvideo.deblur_clip(codes, shutter=SHUTTER, camera=CAMERA, rate=RATE, **words)
+
+
+def test_what_frames_do_not_show_is_assumed_as_of_a_file() -> None:
+    (result, *_) = rsvideo.deblur_clip([np.full((48, 64), 0.5)] * 3, rate=RATE, settings=QUICK)
+    assert (result.timing.exposure, result.timing.readout) == pytest.approx((0.25 / RATE, 0.25 / RATE))
+    assert any("no points could be followed" in note and "exposure 10.4 ms, readout 10.4 ms is assumed" in note for note in result.notes)
+
+
+def test_an_exposure_that_the_blur_contradicts_is_not_taken_unless_it_is_forced() -> None:
+    short = [rendering.blurred for rendering in Moving(frames=FRAMES, exposure=0.008).renderings]
+    how = {"shutter": rsvideo.Shutter(exposure=0.04, readout=0.02), "camera": CAMERA, "rate": RATE}
+    path = rsvideo.track(short, **how)
+    assert path.timing.exposure == pytest.approx(0.008, rel=0.2)
+    assert "times shorter than an exposure of 1/25 s" in path.notes[0]
+    assert all(one.exposure_shown for one in path.evidence)
+    forced = rsvideo.track(short, force=True, **how)
+    assert forced.timing.exposure == 0.04
+    assert forced.notes == ()
+    assert not any(one.exposure_shown for one in forced.evidence)
 
 
 @pytest.mark.slow
@@ -107,14 +200,28 @@ def test_a_path_an_iterator_and_a_clip_give_what_arrays_give(codes: list[np.ndar
 @pytest.mark.slow
 @pytest.mark.usefixtures("short_chunks")
 def test_a_clip_restored_along_its_track_is_the_same(codes: list[np.ndarray], restored: list[rsvideo.Result]) -> None:
-    how = {"shutter": SHUTTER, "camera": CAMERA, "settings": QUICK, "rate": RATE}
-    path = rsvideo.track(codes, **how)
+    how = {"settings": QUICK, "rate": RATE}
+    path = rsvideo.track(codes, shutter=SHUTTER, camera=CAMERA, **how)
     assert len(path.trajectories) == FRAMES
     assert path.tied.tolist() == [True] * (FRAMES - 1) + [False]
     again = list(rsvideo.deblur_clip(codes, trajectory=path, **how))
     np.testing.assert_array_equal([result.latent for result in again], [result.latent for result in restored])
     with pytest.raises(ValueError, match="a track of the same clip"):
         list(rsvideo.deblur_clip([*codes, *codes], trajectory=path, **how))
+
+
+def test_along_a_track_shutter_and_lens_are_those_with_which_it_was_found(
+    codes: list[np.ndarray], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = rsvideo.track(codes, rate=RATE, settings=rsvideo.Settings(motion="shift"))
+    monkeypatch.setattr(measuring, "measured", lambda *_: pytest.fail("the track states it"))
+    how = {"rate": RATE, "trajectory": path, "settings": QUICK, "shutter": rsvideo.Shutter(readout=0.01)}
+    for source in (codes, folder):
+        result = next(rsvideo.deblur_clip(source, **how))
+        assert result.timing.exposure == path.exposures[0]
+        assert result.timing.readout == path.timing.readout
+        assert result.camera == path.camera
+        assert "the motion in the given Track was found with" in result.notes[0]
 
 
 def test_a_motion_in_a_file_is_followed(moving: Moving, codes: list[np.ndarray], motion: Path) -> None:
@@ -134,20 +241,12 @@ def test_light_comes_back_as_light_and_grey_as_grey(moving: Moving, motion: Path
 def test_only_a_chunk_is_held(codes: list[np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(chunk, "SHORTEST", CHUNK)
     monkeypatch.setattr(chunk, "LONGEST", CHUNK)
-    taken: list[int] = []
-
-    class Frames:
-        def __iter__(self) -> Iterator[np.ndarray]:
-            taken.append(0)
-            for frame in codes * 3:
-                taken[-1] += 1
-                yield frame
-
+    frames = Again(codes * 3)
     results = rsvideo.deblur_clip(
-        Frames(), shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone", prior="tv", quality="draft")
+        frames, shutter=SHUTTER, camera=CAMERA, rate=RATE, settings=rsvideo.Settings(frames="alone", prior="tv", quality="draft")
     )
     next(results)
-    assert taken[-1] <= CHUNK + chunk.AHEAD
+    assert frames.taken[-1] <= CHUNK + chunk.AHEAD
     results.close()  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -157,14 +256,18 @@ def test_only_a_chunk_is_held(codes: list[np.ndarray], monkeypatch: pytest.Monke
         ({"rate": None}, "rate must be given, arrays do not say"),
         ({"rate": "fast"}, "rate must be a number of frames a second"),
         ({"rate": 100}, "exposure must be at most one frame's period, 10 ms at 100 fps"),
-        ({"shutter": rsvideo.Shutter(exposure=0.02)}, "readout must be given"),
-        ({"camera": rsvideo.Camera()}, "focal-px must be given"),
+        ({"shutter": rsvideo.Shutter(readout=0.1)}, "readout must be at most one frame's period, 41.67 ms at 24 fps"),
+        ({"shutter": None, "settings": rsvideo.Settings(frames="cold")}, "exposure must be given, the clip does not say it"),
+        ({"shutter": None, "trajectory": "motion.csv"}, "exposure must be given, the clip does not say it"),
         ({"frames": []}, "frames must hold at least one picture"),
         ({"frames": np.zeros((96, 160, 3), np.uint8)}, "frame 0 must"),
         ({"frames": [np.full((96, 160), np.nan)]}, "frame 0 must be finite"),
     ],
 )
-def test_what_cannot_be_is_refused_before_the_first_result(codes: list[np.ndarray], words: dict, line: str) -> None:
+def test_what_cannot_be_is_refused_before_the_first_result(
+    codes: list[np.ndarray], words: dict, line: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clip_motion, "gather", lambda *_: pytest.fail("before any work"))
     words = {"frames": codes, "shutter": SHUTTER, "camera": CAMERA, "rate": RATE, **words}
     with pytest.raises(ValueError, match=line):
         rsvideo.deblur_clip(words.pop("frames"), **words)
