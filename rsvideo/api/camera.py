@@ -17,7 +17,7 @@ class Camera:
     Args:
         focal_px: Focal length in pixels of the picture, as a number or a text such as "1400" or "1400px". About 0.7 to 0.9
             times the longer side for most phones; millimetres * width of the picture in pixels / width of the sensor in millimetres.
-            None leaves it to the profile, or to the file's 35 mm equivalent.
+            None leaves it to the profile, to the file's 35 mm equivalent, or to what the motion of a clip shows.
         distortion: How the lens bends rays: OpenCV's Brown-Conrady coefficients k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4]]]. A
             fisheye lens needs a profile. None leaves it to the profile, and is a pinhole camera where that does not state one.
         profile: A camera's profile by name or file (see `rsvideo calibrate`): lens, readout, tone curve and clipping of one mode of

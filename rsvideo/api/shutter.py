@@ -13,9 +13,9 @@ class Shutter:
 
     Args:
         exposure: Seconds that each row collects light, in (0, 1]; a number, or a text such as "1/50", "20ms" or "0.02".
-            None leaves it to the file: a photograph's EXIF or a clip's metadata.
+            None leaves it to the file, a photograph's EXIF or a clip's metadata, and then to what the blur of a clip shows.
         readout: Seconds from the opening of the first row to that of the one that would follow the last, in [0, 1];
-            0 is a global shutter. None leaves it to the camera's profile, or to a clip's metadata.
+            0 is a global shutter. None leaves it to the camera's profile, to a clip's metadata, or to what the motion of a clip shows.
         direction: In which direction the readout runs over the stored picture: "top-to-bottom", "bottom-to-top", "left-to-right" or
             "right-to-left". None leaves it to the camera's profile, and is top-to-bottom where that does not state one.
 
