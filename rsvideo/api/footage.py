@@ -83,8 +83,7 @@ def of_arrays(frames: Frames, stated: Stated) -> Footage:
     rate, transfer = stated.rate, stated.transfer
     if rate is None:
         raise ValueError("rate must be given, arrays do not say how many frames there are a second; rate=24 or rate='24000/1001'")
-    once = iter(frames) is frames
-    if once:
+    if iter(frames) is frames:
         first = next(frames, None)  # pyright: ignore[reportCallIssue, reportArgumentType] - it is an iterator
         passes = _kept(itertools.chain([] if first is None else [first], frames))
     else:
@@ -110,7 +109,7 @@ def of_arrays(frames: Frames, stated: Stated) -> Footage:
     def middle(response: Response) -> Iterator[Frame]:
         from rsvideo.pipeline import measuring  # which loads what is needed for measuring alone
 
-        count = len(frames) if isinstance(frames, Sized) and not once else sum(1 for _ in passes())
+        count = len(frames) if isinstance(frames, Sized) else sum(1 for _ in passes())
         return (clip_frames.frame(meaning(response), picture) for picture in pictures(*measuring.middle(0, count)))
 
     found = treatment.prepared(stated, size, middle)

@@ -51,6 +51,12 @@ def test_pieces_of_a_path_join_to_the_path() -> None:
     np.testing.assert_allclose(at_middles - at_middles[0], path.at(BEGINS + TIMING.middle) - path.at(np.array([TIMING.middle])), atol=0.02)
 
 
+def test_pieces_may_have_as_many_samples_as_their_exposures_need() -> None:
+    each, steps = pieces(sway(3), TIMING)
+    fewer = [(np.delete(t, range(20, 20 + k)), np.delete(path, range(20, 20 + k), axis=0)) for k, (t, path) in enumerate(each)]
+    np.testing.assert_allclose(joined(BEGINS, fewer, steps, TIMING)[1], joined(BEGINS, each, steps, TIMING)[1], atol=0.5)
+
+
 def test_pieces_that_disagree_fade_into_each_other() -> None:
     each, steps = pieces(sway(2), TIMING)
     bent = [(t, poses * (1.5 if k % 2 else 0.7)) for k, (t, poses) in enumerate(each)]
