@@ -124,6 +124,7 @@ class Found(_Record):
     error_px: Annotated[Finite, Field(ge=0)]  # by which the blur of one exposure may depart from path and drift
     share: Annotated[float, Field(ge=0, le=1)]  # of a restoration: whether the blur of the run bears its path out
     certainty: Annotated[float, Field(ge=0, le=1)]  # of the scanlines' displacements: how far the frame is straightened
+    exposure_shown: bool = False  # whether the clip's blur has shown its exposure
 
     @model_validator(mode="after")
     def _check(self) -> "Found":

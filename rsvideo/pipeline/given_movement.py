@@ -46,6 +46,7 @@ def record(trajectory: Trajectory | None, evidence: Evidence | None) -> Found:
         error_px=evidence.error if evidence else 0.0,
         share=evidence.share if evidence else 0.0,
         certainty=evidence.certainty if evidence else 0.0,
+        exposure_shown=bool(evidence and evidence.exposure_shown),
     )
 
 
@@ -84,4 +85,6 @@ def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Ev
     curve = None if found.path is None else Polynomial(t0=t0, t1=t1, coefficients=np.array(found.path))
     drift = found.drift
     flow = drift and Flow(points=np.array(drift.points_px), weights=np.array(drift.weights_px_s), length=drift.length_px)
-    return curve, Evidence(flow=flow, error=found.error_px, share=found.share, certainty=found.certainty)
+    return curve, Evidence(
+        flow=flow, error=found.error_px, share=found.share, certainty=found.certainty, exposure_shown=found.exposure_shown
+    )

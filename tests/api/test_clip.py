@@ -15,6 +15,7 @@ from rsvideo.config.request import Measured, Request
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline import chunk, measuring
+from rsvideo.pipeline import track as tracking
 from rsvideo.pipeline.deblur import carry_out
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import ignore
@@ -208,6 +209,19 @@ def test_a_clip_restored_along_its_track_is_the_same(codes: list[np.ndarray], re
     np.testing.assert_array_equal([result.latent for result in again], [result.latent for result in restored])
     with pytest.raises(ValueError, match="a track of the same clip"):
         list(rsvideo.deblur_clip([*codes, *codes], trajectory=path, **how))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("short_chunks")
+def test_arrays_restored_along_a_track_in_a_file_are_the_same(
+    codes: list[np.ndarray], folder: Path, restored: list[rsvideo.Result], tmp_path: Path
+) -> None:
+    words = {"exposure": 0.02, "readout": 0.02, "focal_px": CAMERA.focal_px}
+    wanted = command(folder, words, tmp_path / "a.json").replaced(motion_only=True, encoding={"codec": "same"})
+    tracking.carry_out(prepare(wanted), ignore)
+    again = list(rsvideo.deblur_clip(codes, trajectory=tmp_path / "a.json", rate=RATE, settings=QUICK))
+    assert again[0].timing == restored[0].timing
+    np.testing.assert_array_equal([result.latent for result in again], [result.latent for result in restored])
 
 
 def test_along_a_track_shutter_and_lens_are_those_with_which_it_was_found(

@@ -177,6 +177,7 @@ def test_what_each_frame_shows_of_its_exposure_goes_into_the_track_and_comes_bac
     shown = decode.pictures(decode.probe(source))
     moving = given_movement.of_pictures(output, task.treatment.camera.exposed(found[0]), [(p.index, p.time) for p in shown])
     assert moving.exposures == found
+    assert all(one.exposure_shown for one in moving.evidence)
     for path, seconds in zip(moving.within, found, strict=True):
         assert path is not None
         assert path.t1 == pytest.approx(seconds + 0.018)
