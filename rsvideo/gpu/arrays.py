@@ -46,6 +46,16 @@ def to_host(array: Array) -> np.ndarray:
     return np.array(array) if SIMULATED else xp.asnumpy(array)  # pyright: ignore[reportAttributeAccessIssue]
 
 
+def planes_to_device(image: np.ndarray) -> Array:
+    """A picture (rows, cols, channels) of the host's as (channels, rows, cols)."""
+    return xp.ascontiguousarray(xp.moveaxis(xp.asarray(image, xp.float32), 2, 0))
+
+
+def planes_to_host(planes: Array) -> np.ndarray:
+    """The inverse; the device turns the axes, which is slow on the host."""
+    return to_host(xp.ascontiguousarray(xp.moveaxis(planes, 0, 2)))
+
+
 def release() -> None:
     """Give back what freed arrays have left in CuPy's pool, so that larger ones find room."""
     if not SIMULATED:

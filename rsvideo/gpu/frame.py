@@ -6,6 +6,7 @@ period); a picture is (channels, rows, cols). Both are float32 on the device, fr
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -117,9 +118,14 @@ class DeviceFrame:
         self.cut, self.weights = cut, weights
         self.offsets, self.reach = offsets, extent(offsets, max(tile.last - tile.first for tile in cut))
         self._pixels, self._valid = pixels, (~clipped).astype(np.float32)
-        self._planes, self._data = (xp.asarray(np.ascontiguousarray(np.moveaxis(each, 2, 0))) for each in (pixels, ~clipped))
+        self.planes, self.data = self.from_host(pixels), xp.ascontiguousarray(xp.moveaxis(xp.asarray(~clipped), 2, 0))
         self._at_a_time = len(cut)  # tiles; fewer once memory has run out
         self._kept: System | None = None  # of all tiles, where they are worked on at once
+
+    @property
+    def device(self) -> Literal["cuda"]:
+        """Where it is worked on."""
+        return "cuda"
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -133,11 +139,11 @@ class DeviceFrame:
 
     def from_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Array:
         """A picture on the device."""
-        return xp.asarray(np.ascontiguousarray(np.moveaxis(image, 2, 0), np.float32))
+        return arrays.planes_to_device(image)
 
     def to_host(self, image: Array) -> Float[np.ndarray, "rows cols channels"]:
         """A picture in the host's memory."""
-        return np.ascontiguousarray(np.moveaxis(arrays.to_host(image), 0, 2))
+        return arrays.planes_to_host(image)
 
     def match(self, guide: Array) -> Matches:
         """Which patches of a picture look like which."""
@@ -180,25 +186,25 @@ class DeviceFrame:
             rows, cols = self.shape[0], tile.last - tile.first
             down, across = min(self.weights.rim, rows // 4), min(self.weights.rim, cols // 4)
             inner = np.s_[:, down : rows - down, tile.first + across : tile.last - across]
-            data = self._data[inner]
+            data = self.data[inner]
             model = b[:, down : rows - down, self.reach.left + across : self.reach.left + cols - across]
-            total += float(xp.sum(data * (model - self._planes[inner]) ** 2))
+            total += float(xp.sum(data * (model - self.planes[inner]) ** 2))
             count += float(data.sum())
         return total / max(count, 1.0)
 
-    def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-        """K image of a picture in the host's memory, what lies beyond it continued from its borders."""
-        wide = self._extended(xp.asarray(image)[None])
+    def blurred(self, image: Array) -> Array:
+        """K image (rows, cols), what lies beyond it continued from its borders."""
+        wide = self._extended(image[None])
         whole = self._of_all(lambda system, some: system.blur(wide[some]))
-        out = np.empty_like(image)
+        out = xp.empty_like(image)
         for tile, b in zip(self.cut, whole, strict=True):
             own = slice(self.reach.left + tile.start - tile.first, self.reach.left + tile.stop - tile.first)
-            out[:, tile.start : tile.stop] = arrays.to_host(b[0][:, own])
+            out[:, tile.start : tile.stop] = b[0][:, own]
         return out
 
     def covered(self) -> Float[np.ndarray, "rows cols"]:
         """K^T 1 over what is data in all channels: how much of each latent pixel's light was observed, 1 where all of it was."""
-        data = self._data.min(axis=0)
+        data = self.data.min(axis=0)
         rows, cols = data.shape
         shown = xp.zeros((len(self.cut), 1, rows, self.reach.period), xp.float32)
         for t, tile in enumerate(self.cut):
@@ -215,10 +221,10 @@ class DeviceFrame:
             out[:, tile.start : tile.stop] = own[:, tile.start - tile.first : tile.stop - tile.first]
         return out
 
-    def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
-        """argmin_l |K l - b|^2 + ridge |l - target|^2, for a target in the host's memory."""
-        aim = self._extended(self.from_host(target))
-        return self.to_host(self.blended(self._of_all(lambda system, some: system.nearest(aim[some], aim[some], ridge))))
+    def towards(self, target: Array, ridge: float) -> Array:
+        """argmin_l |K l - b|^2 + ridge |l - target|^2."""
+        aim = self._extended(target)
+        return self.blended(self._of_all(lambda system, some: system.nearest(aim[some], aim[some], ridge)))
 
     def _crop(self, latent: Array, tile: Tile) -> Array:
         """A tile's latent image on the tile's own pixels."""
@@ -258,7 +264,7 @@ class DeviceFrame:
         if self._kept:
             return self._kept
         tiles = self.cut[some]
-        frames, valid = ([whole[..., tile.first : tile.last] for tile in tiles] for whole in (self._planes, self._data))
+        frames, valid = ([whole[..., tile.first : tile.last] for tile in tiles] for whole in (self.planes, self.data))
         reach = self.reach.part(some.start, some.stop)
         system = System.of(self.offsets[some], reach, frames, valid)
         if len(tiles) == len(self.cut):

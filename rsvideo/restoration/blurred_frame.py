@@ -1,6 +1,6 @@
 """What the restoration asks of a frame and its blur, wherever that is computed."""
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -10,9 +10,14 @@ from jaxtyping import Float
 class BlurredFrame(Protocol):
     """A frame with its blur, on the device where its latent image is computed: here, or on a GPU (`rsvideo.gpu.frame`).
 
-    Latent images and pictures stay on that device until `to_host`; what `observed`, `blurred` and `towards` take and give lies in the
+    Latent images and pictures stay on that device from `from_host` until `to_host`; what `observed` and `covered` give lies in the
     host's memory.
     """
+
+    @property
+    def device(self) -> Literal["cpu", "cuda"]:
+        """Where that is."""
+        ...
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -23,15 +28,15 @@ class BlurredFrame(Protocol):
         """The frame b, and 1 where it is data."""
         ...
 
-    def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-        """K image, what lies beyond it continued from its borders."""
+    def blurred(self, image: Any) -> Any:
+        """K image (rows, cols), what lies beyond it continued from its borders."""
         ...
 
     def covered(self) -> Float[np.ndarray, "rows cols"]:
         """K^T 1 over what is data in all channels: how much of each latent pixel's light was observed, 1 where all of it was."""
         ...
 
-    def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
+    def towards(self, target: Any, ridge: float) -> Any:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""
         ...
 

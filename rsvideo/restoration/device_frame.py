@@ -65,6 +65,27 @@ def box(image: Any, window: int) -> Any:
     return sparsity.box(image, window)
 
 
+def picture(latent: Float[np.ndarray, "rows cols channels"], lift: float, sigma: float) -> Any:
+    """A latent image on the GPU, and as it is compared with others: the root of its lifted grey under a Gaussian of `sigma` px."""
+    from rsvideo.gpu import fusion
+
+    return fusion.picture(latent, lift, sigma)
+
+
+def neighbour(first: Any, other: Any, drift: Float[np.ndarray, "high wide 2"], spacing: int, **how: Any) -> Any:
+    """A picture beside that of a frame, `drift` px from it at nodes `spacing` px apart; `how` both are compared, see `alignment`."""
+    from rsvideo.gpu import fusion
+
+    return fusion.Neighbour(first, other, drift, spacing, fusion.Comparison(**how))
+
+
+def fusion(frame: Any, first: Any, weights: Float[np.ndarray, "rows cols"], noise: float, **how: Any) -> Any:
+    """The weighted mean of a frame's picture and of others; `how` they count, see `fusion`."""
+    from rsvideo.gpu import fusion
+
+    return fusion.Fusion(frame, first, weights, noise, **how)
+
+
 def to_host(image: Any) -> np.ndarray:
     """A copy of such an array in the host's memory."""
     from rsvideo.gpu import arrays

@@ -190,7 +190,7 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
     if others:
         frame = tiled_frame(view, alone.trajectory, settings, flow)
         both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own)
-        latent = nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent
+        latent = frame.to_host(nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent)
         if waiting.evidence:
             agreed = agreement(both.explained, both.shown, waiting.evidence.certainty)
             waiting = replace(waiting, share=waiting.share * agreed[..., None], own=both.support)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -135,6 +135,11 @@ class TiledFrame:
     cut: list[Tile]
     grids: Sequence[Grid]  # of each tile
     systems: Sequence[TileSystem]  # of each tile, all channels; made anew on each pass where memory does not hold them together
+
+    @property
+    def device(self) -> Literal["cpu"]:
+        """Where it is worked on."""
+        return "cpu"
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -339,10 +344,11 @@ def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[An
         yield 0.5 * (image + smooth)
 
 
-def finished(frame: BlurredFrame, latent: Float[np.ndarray, "rows cols channels"], noise: float) -> Float[np.ndarray, "rows cols channels"]:
-    """The last splitting step alone, of a latent image that has little noise left: it is its own pilot. `noise` is as in `deblur`."""
-    root, strength = _lifted(frame.from_host(latent), FINISH * noise)
-    smooth = frame.to_host(_lowered(frame.denoise(root, strength, pilot=root)))
+def finished(frame: BlurredFrame, latent: Any, noise: float) -> Any:
+    """The last splitting step alone, of a latent image that has little noise left: it is its own pilot. Both are the frame's kind of
+    picture; `noise` is as in `deblur`."""
+    root, strength = _lifted(latent, FINISH * noise)
+    smooth = _lowered(frame.denoise(root, strength, pilot=root))
     return 0.5 * (frame.towards(smooth, 1 / FINISH**2) + smooth)
 
 

@@ -12,7 +12,7 @@ from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 
 _SAMPLES = 16  # of a row's exposure, over which its pose is averaged
-_NODES = 16  # px between the columns whose pixels are followed exactly; at 20 px of motion those between are off by 0.001 px
+NODES = 16  # px between the columns whose pixels are followed exactly; at 20 px of motion those between are off by 0.001 px
 _CLOSE = 1e-3  # px
 _ROUNDS = 40  # of the fixed point; a row that moves by 0.5 px while the next is read still needs 10
 
@@ -77,8 +77,8 @@ def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.n
 
 
 def nodes(cols: int) -> Int[np.ndarray, " nodes"]:
-    """The columns whose pixels are followed exactly: every _NODES px, and the last."""
-    return np.unique(np.r_[np.arange(0, cols, _NODES), cols - 1])
+    """The columns whose pixels are followed exactly: every NODES px, and the last."""
+    return np.unique(np.r_[np.arange(0, cols, NODES), cols - 1])
 
 
 def between(at: Float32[np.ndarray, "rows nodes 2"], columns: Int[np.ndarray, " nodes"]) -> Float32[np.ndarray, "rows cols 2"]:

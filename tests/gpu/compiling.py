@@ -32,7 +32,7 @@ def main() -> int:
     from numba import boolean, complex64, cuda, float32, float64, int8, int32, int64, types
     from numba.cuda import dispatcher
 
-    from rsvideo.gpu import banded, collaborative_filter, row_fourier, sparsity, total_variation
+    from rsvideo.gpu import banded, collaborative_filter, fusion, resampling, row_fourier, sparsity, total_variation
 
     def array(kind: types.Type, sides: int) -> types.Array:
         return types.Array(kind, sides, "C")
@@ -54,6 +54,11 @@ def main() -> int:
         total_variation._join: (line, int64, int64, float32, line),
         total_variation._complete: (array(boolean, 1), line, line, line, line, float32, line),
         sparsity._sensitivity: (*[picture4] * 6, array(float64, 4), places, int64, int64, picture4),
+        resampling._along: (line, int64, int64, line, line),
+        resampling._places: (line, *[int64] * 4, line, *[int64] * 5, line),
+        resampling._lanczos: (line, int64, int64, int64, line, line),
+        resampling._linear: (line, int64, int64, int64, line, line),
+        fusion._moments: (*[line] * 4, int64, int64, int64, line),
         collaborative_filter._filter: (picture, picture, offsets, places, places, float32, boolean, sums, sums),
     }
     for architecture in ARCHITECTURES:
