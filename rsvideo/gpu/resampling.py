@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numba import cuda, float32, int32, uint32
 
-from rsvideo.gpu.arrays import Array, blocks_of, launch, xp
+from rsvideo.gpu.arrays import Array, blocks_of, launch, planes_to_device, planes_to_host, xp
 
 _THREADS = 256  # of a block, each with a pixel
 _TAPS = 8  # pixels that a Lanczos sample reads along each side
@@ -203,6 +203,24 @@ def lanczos(image: Array, at: Array) -> Array:
 def linear(image: Array, at: Array) -> Array:
     """The same, between four pixels, of any values."""
     return _sampled(_linear, image, at)
+
+
+def straightened(
+    pixels: Float[np.ndarray, "rows cols channels"],
+    drift: Float[np.ndarray, "high wide 2"] | None,
+    spacing: tuple[int, int],
+    moved: float,
+    latent: tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "..."] | np.float32] | None,
+) -> Float[np.ndarray, "rows cols channels"]:
+    """`moved` of a picture sampled elsewhere, or the picture where there is no `drift`, mixed with a latent image by its share."""
+    image = planes_to_device(pixels)
+    if drift is not None:
+        image = image + xp.float32(moved) * (lanczos(image, places(drift, spacing, pixels.shape[:2])) - image)
+    if latent is not None:
+        restored, share = latent
+        weight = planes_to_device(share) if np.ndim(share) else xp.float32(share)
+        image = image + weight * (xp.clip(planes_to_device(restored), 0, 1) - image)
+    return planes_to_host(image)
 
 
 def _sampled(kernel: object, image: Array, at: Array) -> Array:

@@ -1,9 +1,11 @@
 """What the restoration asks of a frame and its blur, wherever that is computed."""
 
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+
+from rsvideo.restoration.settings import Device
 
 
 @runtime_checkable
@@ -15,7 +17,7 @@ class BlurredFrame(Protocol):
     """
 
     @property
-    def device(self) -> Literal["cpu", "cuda"]:
+    def device(self) -> Device:
         """Where that is."""
         ...
 

@@ -86,6 +86,19 @@ def fusion(frame: Any, first: Any, weights: Float[np.ndarray, "rows cols"], nois
     return fusion.Fusion(frame, first, weights, noise, **how)
 
 
+def straightened(
+    pixels: Float[np.ndarray, "rows cols channels"],
+    drift: Float[np.ndarray, "high wide 2"] | None,
+    spacing: tuple[int, int],
+    moved: float,
+    latent: tuple[Float[np.ndarray, "rows cols channels"], Any] | None,
+) -> Float[np.ndarray, "rows cols channels"]:
+    """`moved` of a frame sampled `drift` px away, at nodes `spacing` px apart, if it drifts; mixed with a latent image by its share."""
+    from rsvideo.gpu import resampling
+
+    return resampling.straightened(pixels, drift, spacing, moved, latent)
+
+
 def to_host(image: Any) -> np.ndarray:
     """A copy of such an array in the host's memory."""
     from rsvideo.gpu import arrays

@@ -16,11 +16,11 @@ from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.movement import Evidence, Movement
-from rsvideo.restoration.rectification import mixed, rectified
+from rsvideo.restoration.rectification import Share, straightened
 from rsvideo.restoration.resolution import too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
-from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.settings import Device, Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
 from rsvideo.restoration.trust import LONG, agreement, observed, trust
 
@@ -45,11 +45,11 @@ class _Waiting:
     noise: float = 0.0  # of the frame, as its blur's model leaves it
     draft: bool = False  # whether the image is one
 
-    def mixed(self, latent: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols channels"]:
+    def mixed(self, latent: Float[np.ndarray, "rows cols channels"], device: Device) -> Float[np.ndarray, "rows cols channels"]:
         """The restoration as far as it is trusted, else the frame rectified, which is made anew: to keep it would take more memory."""
         assert self.restored is not None
         share = np.float32(self.share) if self.own is None else np.float32(self.share) * self.own[..., None]
-        return mixed(_straight(self.restored.view, self.restored.trajectory, self.evidence, self.moved), latent, share)
+        return _straight(self.restored.view, self.restored.trajectory, self.evidence, self.moved, device, (latent, share))
 
 
 def restored(
@@ -149,7 +149,7 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
     if verdict is Verdict.SHARP:
         return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
     if verdict.straightened:
-        straight = _straight(view, path, evidence, moved)
+        straight = _straight(view, path, evidence, moved, settings.device)
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
     noise = single_frame.model_noise(view, min(evidence.error, length) if evidence else 0.0)
@@ -165,17 +165,20 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         noise=noise,
         draft=draft,
     )
-    image = PosedImage(latent=waiting.mixed(alone.latent), pose=pose, length=length)
+    image = PosedImage(latent=waiting.mixed(alone.latent, settings.device), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, latent=image.latent, covered=None, seconds=time.monotonic() - started), image=image)
 
 
-def _straight(view: View, path: Trajectory, evidence: Evidence | None, moved: float) -> Float[np.ndarray, "rows cols channels"]:
-    """The frame rectified, as far as its path is certain and as it moves; along a path that was given it is restored only."""
+def _straight(
+    view: View, path: Trajectory, evidence: Evidence | None, moved: float, device: Device, latent: Share | None = None
+) -> Float[np.ndarray, "rows cols channels"]:
+    """The frame rectified, as far as its path is certain and as it moves, but for the share of a latent image; along a path that was
+    given it is restored only."""
     if not evidence:
-        return view.pixels
+        return straightened(view, None, device=device, latent=latent)
     followed = path.with_coefficients(evidence.certainty * path.coefficients)
     flow = evidence.flow and evidence.flow.times(evidence.certainty)
-    return view.pixels + np.float32(moved) * (rectified(view, followed, flow=flow).pixels - view.pixels)
+    return straightened(view, followed, flow=flow, moved=moved, device=device, latent=latent)
 
 
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
@@ -198,4 +201,4 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent
     else:
         return alone
-    return replace(alone, latent=waiting.mixed(latent), seconds=alone.seconds + time.monotonic() - started)
+    return replace(alone, latent=waiting.mixed(latent, settings.device), seconds=alone.seconds + time.monotonic() - started)

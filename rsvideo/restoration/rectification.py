@@ -8,11 +8,17 @@ from jaxtyping import Float, Float32, Int
 
 from rsvideo.physics.camera import Camera, turned
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration import device_frame
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
+from rsvideo.restoration.settings import Device
+
+Share = tuple[Float[np.ndarray, "scanlines along channels"], Float[np.ndarray, "..."] | np.float32]
+"""A latent image, and its share in what is shown, 0 to 1: of all pixels, or (scanlines, along, 1)."""
 
 _SAMPLES = 16  # of a row's exposure, over which its pose is averaged
 NODES = 16  # px between the columns whose pixels are followed exactly; at 20 px of motion those between are off by 0.001 px
+_FEW_ROWS = 256  # of which pixels are followed on a GPU, at least; those between are off by 0.01 px where a hand shakes 10 px at 100 Hz
 _CLOSE = 1e-3  # px
 _ROUNDS = 40  # of the fixed point; a row that moves by 0.5 px while the next is read still needs 10
 
@@ -35,6 +41,29 @@ def mixed(
     return np.ascontiguousarray(straight + share * (np.clip(latent, 0, 1) - straight), np.float32)
 
 
+def straightened(
+    view: View,
+    path: Trajectory | None,
+    *,
+    flow: Flow | None = None,
+    moved: float = 1.0,
+    device: Device = "cpu",
+    latent: Share | None = None,
+) -> Float32[np.ndarray, "scanlines along channels"]:
+    """The frame, `moved` of it (0 to 1) rectified along a path if there is one, and mixed with a latent image by its share."""
+    lens, pixels = view.camera.intrinsics, view.pixels
+    if view.camera.timing.row_time == 0:
+        path = None
+    if device == "cuda":
+        step = max(1, lens.rows // _FEW_ROWS)
+        rows, columns = nodes(lens.rows, step), nodes(lens.cols)
+        drift = None if path is None else _followed(path, flow, view.camera, rows, columns) - _grid(rows, columns)
+        return device_frame.straightened(pixels, drift, (step, NODES), moved, latent)
+    if path is not None:
+        pixels = pixels + np.float32(moved) * (_lanczos(pixels, *_apart(sources(path, flow, view.camera))) - pixels)
+    return pixels if latent is None else mixed(pixels, *latent)
+
+
 def scanline_poses(path: Trajectory, camera: Camera) -> Float[np.ndarray, "scanlines axes"]:
     """The mean pose of each scanline's exposure, relative to the pose of the middle of the frame's interval."""
     timing = camera.timing
@@ -49,9 +78,7 @@ def read_out(
     x, y = np.meshgrid(np.arange(lens.cols, dtype=float), np.arange(lens.rows, dtype=float))
     moved = turned(lens, x, y, np.broadcast_to(poses[:, None], (lens.rows, lens.cols, poses.shape[1])))
     at = (np.stack([x, y], axis=-1) + moved).astype(np.float32)
-    pixels = np.asarray(image, np.float32)
-    shown = cv2.remap(pixels, at[..., 0], at[..., 1], cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE).reshape(image.shape)
-    return np.clip(shown, 0, 1)
+    return _lanczos(np.asarray(image, np.float32), at[..., 0], at[..., 1])
 
 
 def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.ndarray, "scanlines along 2"]:
@@ -61,11 +88,18 @@ def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.n
     middle. Of a rectified pixel X it is q = X + w(X; -p(r(q))) + t(r(q)) u(X), the fixed point of taking r from the last q; t is
     the scanline's time from the middle, and u the velocity of points beyond the path.
     """
+    columns = nodes(camera.intrinsics.cols)
+    return between(_followed(path, flow, camera, np.arange(camera.intrinsics.rows), columns).astype(np.float32), columns)
+
+
+def _followed(
+    path: Trajectory, flow: Flow | None, camera: Camera, rows: Int[np.ndarray, " rows"], columns: Int[np.ndarray, " columns"]
+) -> Float[np.ndarray, "rows columns 2"]:
+    """The same of the pixels in these rows and columns."""
     timing, lens, poses = camera.timing, camera.intrinsics, scanline_poses(path, camera)
-    columns = nodes(lens.cols)
-    x, y = np.meshgrid(columns.astype(float), np.arange(lens.rows, dtype=float))
-    at = home = np.stack([x, y], axis=-1)
-    drift = _everywhere(flow, columns, lens.rows) if flow else np.zeros((1, 1, 2))
+    at = home = _grid(rows, columns)
+    x, y = home[..., 0], home[..., 1]
+    drift = _everywhere(flow, columns, lens.rows)[rows] if flow else np.zeros((1, 1, 2))
     for _ in range(_ROUNDS):
         scanline = np.clip(at[..., 1], 0, timing.rows - 1)
         pose = np.stack([np.interp(scanline, np.arange(timing.rows), p) for p in poses.T], axis=-1)
@@ -73,12 +107,16 @@ def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.n
         last, at = at, home + turned(lens, x, y, -pose) + when[..., None] * drift
         if np.abs(at - last).max() < _CLOSE:
             break
-    return between(at.astype(np.float32), columns)
+    return at
 
 
-def nodes(cols: int) -> Int[np.ndarray, " nodes"]:
-    """The columns whose pixels are followed exactly: every NODES px, and the last."""
-    return np.unique(np.r_[np.arange(0, cols, NODES), cols - 1])
+def _grid(rows: Int[np.ndarray, " rows"], columns: Int[np.ndarray, " columns"]) -> Float[np.ndarray, "rows columns 2"]:
+    return np.stack(np.meshgrid(columns.astype(float), rows.astype(float)), axis=-1)
+
+
+def nodes(count: int, step: int = NODES) -> Int[np.ndarray, " nodes"]:
+    """The columns, or rows, whose pixels are followed exactly: every `step` px, and the last."""
+    return np.unique(np.r_[np.arange(0, count, step), count - 1])
 
 
 def between(at: Float32[np.ndarray, "rows nodes 2"], columns: Int[np.ndarray, " nodes"]) -> Float32[np.ndarray, "rows cols 2"]:
@@ -99,8 +137,15 @@ def _everywhere(flow: Flow, columns: np.ndarray, rows: int) -> Float[np.ndarray,
 
 def resampled(view: View, at: Float[np.ndarray, "rows cols 2"]) -> View:
     """The frame with each pixel taken from its place in `at` (Lanczos, in linear light)."""
-    x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
-    clipped = view.clipped.astype(np.float32)
-    pixels = cv2.remap(view.pixels, x, y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE).reshape(view.pixels.shape)
+    clipped, (x, y) = view.clipped.astype(np.float32), _apart(at)
     beyond = cv2.remap(clipped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(1.0,) * 4).reshape(clipped.shape)
-    return replace(view, pixels=np.clip(pixels, 0, 1), clipped=beyond > 0)
+    return replace(view, pixels=_lanczos(view.pixels, x, y), clipped=beyond > 0)
+
+
+def _apart(at: Float[np.ndarray, "rows cols 2"]) -> tuple[np.ndarray, np.ndarray]:
+    return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+
+
+def _lanczos(image: np.ndarray, x: Float[np.ndarray, "rows cols"], y: Float[np.ndarray, "rows cols"]) -> np.ndarray:
+    shown = cv2.remap(image, x, y, cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REPLICATE).reshape(image.shape)
+    return np.clip(shown, 0, 1)

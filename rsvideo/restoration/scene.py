@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,7 +17,7 @@ from rsvideo.physics.tiles import Tile, split
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
-from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.settings import Device, Settings
 
 WINDOW_COLS = 800  # with most texture, from which the motion is estimated and on which it is judged
 TRIAL_COLS = 560  # of them, on which paths are compared
@@ -55,7 +54,7 @@ class Scene:
     flow: Flow | None = None  # of points beyond the camera's path, in px of this frame
     chosen: tuple[int, ...] | None = None  # which of the tiles count; None: all
     scale: float = 1.0  # of the frame; paths stay in px of the frame before it was made smaller
-    device: Literal["cpu", "cuda"] = "cpu"  # what computes latent images of it
+    device: Device = "cpu"  # what computes latent images of it
 
     def unit(self, axes: int) -> Float[np.ndarray, " axes"]:
         """What a pose is multiplied with in this frame: (x, y) or (x, y, roll)."""

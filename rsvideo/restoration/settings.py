@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Quality = Literal["draft", "normal", "best"]
+Device = Literal["cpu", "cuda"]
 MOST_DEGREE = 12  # of the path: one frame does not determine more
 DENOISER_MU = 5e-4  # weight of total variation in the image that the denoiser's splitting starts from; origin: by trial
 TV_FIRST_STEPS = 10  # of ADMM for that image; origin: by trial
@@ -46,7 +47,7 @@ class Settings:
     candidates: int = 5  # first trajectories that are refined before one is chosen, and up to as many without one of the strips
     trust: float = 0.15  # in the strips' kernels, against the picture's sparsity; origin: by trial
     frames: Literal["together", "alone", "cold"] = "together"  # of a clip: with their neighbours, along its path only, or as stills
-    device: Literal["cpu", "cuda"] = "cpu"  # what computes latent images
+    device: Device = "cpu"  # what computes latent images
 
     def __post_init__(self) -> None:
         if not 1 <= self.degree <= MOST_DEGREE:

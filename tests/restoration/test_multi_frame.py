@@ -273,7 +273,7 @@ def test_a_frame_is_straightened_as_far_as_its_path_is_certain() -> None:
 
     def moved(certainty: float, flow: Flow | None) -> float:
         seen = Evidence(flow=flow, error=0.0, share=1.0, certainty=certainty)
-        return float(np.abs(multi_frame._straight(view, path, seen, 1.0) - view.pixels).mean())
+        return float(np.abs(multi_frame._straight(view, path, seen, 1.0, "cpu") - view.pixels).mean())
 
     for flow in (None, near):
         assert moved(0.0, flow) < 1e-6 < moved(0.3, flow) < moved(1.0, flow)
