@@ -22,6 +22,7 @@ import numpy as np
 import skimage.data
 
 STEP = 6.0  # px that the camera moves from frame to frame
+DEFAULTS = "{camera: {exposure: 1/50, readout: 15ms, focal_px: 800}}"  # of the job
 BLUR = 5  # px of it within an exposure
 
 
@@ -40,11 +41,10 @@ def clip(path: Path, rows: int, cols: int, frames: int) -> None:
         container.mux(stream.encode(None))
 
 
-def run(folder: Path, clips: list[Path], *, workers: int, cores: set[int]) -> float:
+def run(folder: Path, clips: list[Path], *, workers: int, cores: set[int], defaults: str = DEFAULTS) -> float:
     """Seconds that `rsvideo run` takes for the clips on these cores."""
     job = folder / "job.yaml"
-    camera = "{exposure: 1/50, readout: 15ms, focal_px: 800}"
-    job.write_text(f"output: {{folder: out}}\ndefaults: {{camera: {camera}}}\nclips: [{', '.join(c.name for c in clips)}]\n")
+    job.write_text(f"output: {{folder: out}}\ndefaults: {defaults}\nclips: [{', '.join(c.name for c in clips)}]\n")
     started = time.monotonic()
     subprocess.run(
         ["rsvideo", "run", str(job), "-j", str(workers), "--overwrite", "--fresh", "--progress", "none"],

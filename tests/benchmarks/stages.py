@@ -51,7 +51,8 @@ TERMS = 7  # of each frame's piece of the shake
 COMPLEX, REAL = 8, 4  # bytes
 PRODUCT, COPIED, AGAIN = 1024, 1 << 26, 5  # rows of a matrix product, floats copied, and how often: the quickest counts
 
-STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
+Stages = dict[str, tuple[tuple[Any, str], ...]]  # of each the functions, with their homes
+STAGES: Stages = {
     "decode": ((clip_frames, "pictures"), (clip_frames, "frame"), (preparing, "prepare")),
     "tracks": ((clip_motion, "gather"), (clip_motion, "path_from_tracks")),
     "spectra": ((search, "spectral_paths"),),
@@ -60,7 +61,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "verdict": ((single_frame, "judge"), (clip_motion, "evidence"), (clip_motion, "votes"), (multi_frame, "_judged")),
     "latent image": ((nonblind, "deblur"), (single_frame, "tiled_frame"), (multi_frame, "tiled_frame")),
     "denoiser": ((nonblind, "denoise"), (nonblind, "match")),
-    "fusion": ((multi_frame, "fused"), (multi_frame, "rectified")),
+    "fusion": ((multi_frame, "fused"), (multi_frame, "straightened")),
     "encode": ((colour, "codes"), (Writer, "write"), (Writer, "_finish"), (Writer, "_verify"), (photograph, "_encoded")),
 }
 
@@ -109,9 +110,9 @@ class Watch:
         return called
 
     @contextmanager
-    def watching(self) -> Iterator[None]:
+    def watching(self, stages: Stages) -> Iterator[None]:
         with ExitStack() as patches:
-            for stage, functions in STAGES.items():
+            for stage, functions in stages.items():
                 for home, name in functions:
                     patches.enter_context(patch.object(home, name, self.timed(stage, getattr(home, name))))
             yield
@@ -224,14 +225,14 @@ def filmed(path: Path, cols: int, rows: int, blur: float, frames: int) -> None:
         container.mux(stream.encode(None))
 
 
-def restored(source: Path, cols: int) -> tuple[Watch, Work, float]:
+def restored(source: Path, cols: int, *, device: str = "cpu", stages: Stages = STAGES) -> tuple[Watch, Work, float]:
     """The stages and kernels of one restoration, and its seconds."""
     camera = {"exposure": EXPOSURE, "readout": READOUT, "focal_px": FOCAL * cols, "transfer": "srgb"}
     output = source.with_name(f"restored-{source.name}")
-    request = Request.of(source, output, Sections.model_validate({"camera": camera}), overwrite=True)
+    request = Request.of(source, output, Sections.model_validate({"camera": camera, "deblur": {"device": device}}), overwrite=True)
     watch, work = Watch(), Work()
     begun = time.perf_counter()
-    with watch.watching(), work.counting():
+    with watch.watching(stages), work.counting():
         deblur.carry_out(preparing.prepare(request), ignore)
     return watch, work, time.perf_counter() - begun
 
