@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32
 
 from rsvideo.gpu import arrays
 from rsvideo.gpu.arrays import Array, OutOfMemory, xp
@@ -48,7 +48,9 @@ class System:
     least: Array  # what a pixel is at least: as it reads; minus infinity beyond the columns
 
     @staticmethod
-    def of(offsets: Float[np.ndarray, "tiles rows samples 2"], reach: Extent, frames: Sequence[Array], valid: Sequence[Array]) -> "System":
+    def of(
+        offsets: Float32[np.ndarray, "tiles rows samples 2"], reach: Extent, frames: Sequence[Array], valid: Sequence[Array]
+    ) -> "System":
         """Of tiles (channels, rows, cols) whose scanlines sample the latent image at `offsets`."""
         op = row_fourier(offsets, reach)
         shape = (len(frames), *frames[0].shape[:2], op.period)
@@ -110,7 +112,7 @@ class DeviceFrame:
     def __init__(
         self,
         cut: list[Tile],
-        offsets: Float[np.ndarray, "tiles rows samples 2"],
+        offsets: Float32[np.ndarray, "tiles rows samples 2"],
         pixels: Float[np.ndarray, "rows cols channels"],
         clipped: Bool[np.ndarray, "rows cols channels"],
         weights: Weights,
@@ -272,7 +274,7 @@ class DeviceFrame:
         return system
 
 
-def fits(offsets: Float[np.ndarray, "tiles rows samples 2"], cols: int, channels: int) -> bool:
+def fits(offsets: Float32[np.ndarray, "tiles rows samples 2"], cols: int, channels: int) -> bool:
     """Whether the device's free memory holds one tile of `cols` columns: its symbol, normal matrix and factor, and the images of a step."""
     reach = extent(offsets, cols)
     return reach.system_bytes + 4 * _IMAGES * channels * reach.latent_rows * reach.period <= _SHARE * arrays.free_bytes()

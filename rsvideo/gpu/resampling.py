@@ -218,7 +218,7 @@ def straightened(
         image = image + xp.float32(moved) * (lanczos(image, places(drift, spacing, pixels.shape[:2])) - image)
     if latent is not None:
         restored, share = latent
-        weight = planes_to_device(share) if np.ndim(share) else xp.float32(share)
+        weight = planes_to_device(share) if isinstance(share, np.ndarray) else share
         image = image + weight * (xp.clip(planes_to_device(restored), 0, 1) - image)
     return planes_to_host(image)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float32
 from numba import complex64, cuda, float32, int32, uint32
 
 from rsvideo.gpu.arrays import Array, OutOfMemory, blocks_of, launch, xp
@@ -24,30 +24,33 @@ _MOST = 1 << 31  # entries that an int32 finds
 
 @no_type_check
 @cuda.jit(cache=True)
-def _symbol(turns, first, across, samples, width, frequencies, symbol):
-    """A_f(i, base_i + o) = (1/K) sum_k exp(2 pi i f dx_ik / period) w(o - first_ik), w over two rows; symbol is zero on entry.
-
-    The two rows are written to when the path leaves them.
-    """
+def _symbol(offsets, base, top, period, samples, width, frequencies, symbol):
+    """A_f(i, base_i + o) = (1/K) sum_k exp(2 pi i f dx_ik / period) w(base_i + o - top - i - dy_ik), w over two rows; symbol is zero on
+    entry. The two rows are written to when the path leaves them."""
     row = int32(cuda.blockIdx.z * cuda.gridDim.y + cuda.blockIdx.y)
     samples, width, frequencies = int32(samples), int32(width), int32(frequencies)
     share = float32(1) / float32(samples)
+    lowest = int32(base[cuda.blockIdx.z, cuda.blockIdx.y] - top - cuda.blockIdx.y)
     f = int32(cuda.grid(1))
     while f < frequencies:
         begin = row * width * frequencies + f
-        at = first[uint32(row * samples)]
+        turn = f / period
+        at = int32(int32(math.floor(offsets[uint32(2 * row * samples + 1)])) - lowest)
         low, high = complex64(0), complex64(0)
         for n in range(int32(row * samples), int32((row + 1) * samples)):
-            if first[uint32(n)] != at:
+            dy = offsets[uint32(2 * n + 1)]
+            whole = int32(math.floor(dy))
+            if whole - lowest != at:
                 symbol[uint32(begin + at * frequencies)] += low
                 symbol[uint32(begin + (at + 1) * frequencies)] += high
-                at = first[uint32(n)]
+                at = int32(whole - lowest)
                 low, high = complex64(0), complex64(0)
-            turned = turns[uint32(n)] * f  # in double precision: many turns at the highest frequencies
+            turned = offsets[uint32(2 * n)] * turn  # in double precision: many turns at the highest frequencies
             angle = float32(_TURN * (turned - math.floor(turned)))
             z = complex64(complex(math.cos(angle) * share, math.sin(angle) * share))
-            low += z * across[uint32(2 * n)]
-            high += z * across[uint32(2 * n + 1)]
+            part = dy - float32(whole)
+            low += z * (float32(1) - part)
+            high += z * part
         symbol[uint32(begin + at * frequencies)] += low
         symbol[uint32(begin + (at + 1) * frequencies)] += high
         f = int32(f + cuda.gridsize(1))
@@ -125,6 +128,7 @@ class RowFourier(Grid):
     rows: int
     base: Array  # (tiles, rows): the first latent row that each scanline sees
     readers: Array  # (tiles, latent rows, 2): the first and the last scanline that may see each latent row, the last excluded
+    offsets: Array  # (tiles, rows, samples, 2): where scanlines sample the latent image, x and y
     symbol: Array  # (tiles, rows, width, frequencies)
 
     @property
@@ -168,25 +172,25 @@ class RowFourier(Grid):
         return _laid_out(self.frequencies, rows, self.tiles)
 
 
-def row_fourier(displacement: Float[np.ndarray, "tiles rows samples 2"], reach: Extent) -> RowFourier:
+def row_fourier(displacement: Float32[np.ndarray, "tiles rows samples 2"], reach: Extent) -> RowFourier:
     """The operator of tiles whose scanline i samples the latent image at offsets `displacement[t, i, k]` (x, y), within `reach`."""
     tiles, rows, samples, _ = displacement.shape
     entries = tiles * max(rows, reach.latent_rows) * reach.width * reach.frequencies
     if entries >= _MOST:
         raise OutOfMemory(8 * entries, 8 * entries)
     symbol = xp.zeros((tiles, rows, reach.width, reach.frequencies), xp.complex64)
-    turns = xp.asarray(np.ascontiguousarray(displacement[..., 0] / reach.period, dtype=float).ravel())
-    first, across = xp.asarray(reach.first.astype(np.int32).ravel()), xp.asarray(reach.across.astype(np.float32).ravel())
-    how = samples, reach.width, reach.frequencies
-    launch(_symbol, *_laid_out(reach.frequencies, rows, tiles), turns, first, across, *how, symbol.reshape(-1))
+    offsets, base = xp.asarray(np.ascontiguousarray(displacement)), xp.asarray(reach.base.astype(np.int32))
+    how = reach.top, float(reach.period), samples, reach.width, reach.frequencies
+    launch(_symbol, *_laid_out(reach.frequencies, rows, tiles), offsets.reshape(-1), base, *how, symbol.reshape(-1))
     return RowFourier(
         rows=rows,
         top=reach.top,
         latent_rows=reach.latent_rows,
         left=reach.left,
         period=reach.period,
-        base=xp.asarray(reach.base.astype(np.int32)),
+        base=base,
         readers=xp.asarray(_readers(reach.base, reach.width, reach.latent_rows)),
+        offsets=offsets,
         symbol=symbol,
     )
 

@@ -8,7 +8,7 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 from numba import cuda, float32, int32, uint32
 
 from rsvideo.gpu.arrays import Array, blocks_of, launch, to_host, xp
@@ -75,7 +75,7 @@ class Eliminated:
 
     def __init__(
         self,
-        offsets: Float[np.ndarray, "tiles rows samples 2"],
+        offsets: Float32[np.ndarray, "tiles rows samples 2"],
         frames: list[Float[np.ndarray, "rows cols"]],
         valid: list[Float[np.ndarray, "rows cols"]],
         *,
@@ -83,7 +83,6 @@ class Eliminated:
         floor: float,
         completions: int,
     ) -> None:
-        self._offsets = offsets
         reach = extent(offsets, max(frame.shape[1] for frame in frames))
         self.frames = [xp.asarray(np.ascontiguousarray(frame)) for frame in frames]
         self._system = System.of(offsets, reach, [frame[None] for frame in self.frames], [xp.asarray(v > 0)[None] for v in valid])
@@ -113,8 +112,8 @@ class Eliminated:
         m = self._factor.solve(op.spectrum(self.slopes))
         along = xp.asarray((2j * np.pi / op.period * np.arange(op.frequencies)).astype(np.complex64))
         images = op.image(m), op.image(m * along), self._images, op.image(self._latent * along)
-        out = xp.empty(self._offsets.shape, xp.float32)
-        tiles, rows, samples, _ = self._offsets.shape
+        out = xp.empty(op.offsets.shape, xp.float32)
+        tiles, rows, samples, _ = op.offsets.shape
         launch(
             _sensitivity,
             (samples, rows, tiles),
@@ -122,7 +121,7 @@ class Eliminated:
             *images,
             self._data - self._blurred,
             op.image(op.forward(m)),
-            xp.asarray(np.ascontiguousarray(self._offsets, dtype=float)),
+            op.offsets,
             xp.asarray(np.array(self._system.widths, np.int32)),
             op.top,
             op.left,

@@ -203,8 +203,6 @@ class Extent(Grid):
 
     width: int  # latent rows that one scanline sees, at most
     base: Int[np.ndarray, "*tiles rows"]  # the first of them
-    first: Int[np.ndarray, "*tiles rows samples"]  # the first that each sample reads, from `base` on
-    across: Float[np.ndarray, "*tiles rows samples taps"]  # the interpolation weights of those it reads
 
     @property
     def system_bytes(self) -> int:
@@ -213,17 +211,16 @@ class Extent(Grid):
 
     def part(self, first: int, last: int) -> "Extent":
         """Of the tiles [first, last), on the grid that all share."""
-        some = slice(first, last)
-        return replace(self, base=self.base[some], first=self.first[some], across=self.across[some])
+        return replace(self, base=self.base[first:last])
 
 
 def extent(displacement: Float[np.ndarray, "*tiles rows samples 2"], cols: int, margin: int = 2) -> Extent:
     """The extent of frames of `cols` columns whose scanline i samples the latent image at offsets `displacement[..., i, k, :]`."""
     rows = displacement.shape[-3]
     dx, dy = displacement[..., 0], displacement[..., 1]
-    index, across = taps(dy)  # rows i + index .. i + index + TAPS - 1
-    lowest = np.arange(rows) + index.min(axis=-1)
-    width = int((index.max(axis=-1) - index.min(axis=-1)).max()) + TAPS
+    least, greatest = (np.floor(of(axis=-1)).astype(np.int64) for of in (dy.min, dy.max))  # a sample reads TAPS rows from there on
+    lowest = np.arange(rows) + least
+    width = int((greatest - least).max()) + TAPS
     top = int(max(0, -lowest.min())) + margin
     left = int(max(0.0, np.ceil(-dx.min()))) + margin
     right = int(max(0.0, np.ceil(dx.max()))) + margin
@@ -231,8 +228,7 @@ def extent(displacement: Float[np.ndarray, "*tiles rows samples 2"], cols: int, 
     period += period % 2  # pyright: ignore[reportOperatorIssue]  # scipy's stub says it may be None
     base = (lowest + top).astype(np.int64)
     latent_rows = max(int(base.max()) + width, rows + top) + margin
-    first = (index - index.min(axis=-1, keepdims=True)).astype(np.int64)
-    return Extent(top=top, latent_rows=latent_rows, left=left, period=period, width=width, base=base, first=first, across=across)
+    return Extent(top=top, latent_rows=latent_rows, left=left, period=period, width=width, base=base)
 
 
 def row_fourier(
@@ -252,7 +248,8 @@ def row_fourier(
     count = -(-reach.frequencies // LANES)
     dx, share = (np.ascontiguousarray(each, dtype=float) for each in (dx, share))  # in one order, or each is compiled for
     re, im = (np.zeros((count, rows, reach.width, LANES), np.float32) for _ in range(2))
-    samples = (dx, share, reach.first, reach.across.astype(np.float32), float(reach.period))
+    index, across = taps(displacement[..., 1])
+    samples = (dx, share, index - index.min(axis=-1, keepdims=True), across.astype(np.float32), float(reach.period))
     spread(_symbol, rows, *samples, rows, reach.width, count, re.ravel(), im.ravel())
     return RowFourier(
         rows=rows,

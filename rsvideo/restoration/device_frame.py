@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32
 
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.tiles import NARROWEST, Tile
@@ -26,8 +26,8 @@ def tiled(
     """The twin of `rsvideo.restoration.nonblind.tiled`, in narrower tiles where the GPU's memory does not hold one of the same width."""
     from rsvideo.gpu import frame
 
-    def offsets(cut: list[Tile]) -> Float[np.ndarray, "tiles rows samples 2"]:
-        return displacements(cut, trajectory, flow, camera, samples)
+    def offsets(cut: list[Tile]) -> Float32[np.ndarray, "tiles rows samples 2"]:
+        return displacements(cut, trajectory, flow, camera, samples).astype(np.float32)
 
     cut = cut_for(trajectory, camera, tolerance, flow)
     found, cols = offsets(cut), camera.intrinsics.cols
@@ -55,7 +55,7 @@ def eliminated(
     """The latent images of a scene's tiles, for measures of them and their derivatives."""
     from rsvideo.gpu import sparsity
 
-    return sparsity.Eliminated(offsets, frames, valid, ridge=ridge, floor=floor, completions=completions)
+    return sparsity.Eliminated(offsets.astype(np.float32), frames, valid, ridge=ridge, floor=floor, completions=completions)
 
 
 def box(image: Any, window: int) -> Any:

@@ -16,7 +16,7 @@ def path(tiles: int, seed: int = 0) -> np.ndarray:
     """Shifts of every scanline's samples, some beyond every side; each tile's has an extent of its own."""
     rng = np.random.default_rng(seed)
     shifts = rng.uniform([-4.7, -1.6], [3.3, 2.4], (tiles, ROWS, SAMPLES, 2))
-    return shifts + np.arange(tiles)[:, None, None, None] * np.array([1.5, -1.2])
+    return (shifts + np.arange(tiles)[:, None, None, None] * np.array([1.5, -1.2])).astype(np.float32)
 
 
 def noise(*shape: int, seed: int = 1) -> np.ndarray:
