@@ -33,9 +33,10 @@ def _along(image, length, step, taps, out):
         begin = int32(n - place * step)
         total = float32(0)
         for k in range(count):
-            at = abs(int32(place + k - half))
-            at = at if at < length else int32(2 * length - 2 - at)
-            total += taps[uint32(k)] * image[uint32(begin + max(at, int32(0)) * step)]
+            at = int32(place + k - half) if length > 1 else int32(0)
+            while at < 0 or at >= length:
+                at = int32(-at) if at < 0 else int32(2 * length - 2 - at)
+            total += taps[uint32(k)] * image[uint32(begin + at * step)]
         out[uint32(n)] = total
         n = int32(n + cuda.gridsize(1))
 

@@ -65,6 +65,13 @@ def box(image: Any, window: int) -> Any:
     return sparsity.box(image, window)
 
 
+def gaussian(image: Float[np.ndarray, "rows cols"], sigma: float) -> Float[np.ndarray, "rows cols"]:
+    """An image of the host's under a Gaussian, which the GPU computes."""
+    from rsvideo.gpu import arrays, resampling
+
+    return arrays.to_host(resampling.blurred(arrays.xp.asarray(image), sigma))
+
+
 def picture(latent: Float[np.ndarray, "rows cols channels"], lift: float, sigma: float) -> Any:
     """A latent image on the GPU, and as it is compared with others: the root of its lifted grey under a Gaussian of `sigma` px."""
     from rsvideo.gpu import fusion

@@ -17,9 +17,10 @@ from jaxtyping import Float
 
 from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration import sparsity
+from rsvideo.restoration import device_frame, sparsity
 from rsvideo.restoration.evidence import certainty
 from rsvideo.restoration.scene import Scene
+from rsvideo.restoration.settings import Device
 
 SCALE = 1.25  # a: the dip is about as wide as this ratio
 _TERMS = ((1.0, -1.0), (1 / SCALE, 0.5), (SCALE, 0.5))  # factors of the path, and weights of f along it
@@ -61,9 +62,14 @@ def focus_map(scene: Scene, path: Trajectory, size: float) -> Focus:
     for factor, weight in _TERMS:
         value, counted = sparsity.density(scene, path.with_coefficients(factor * path.coefficients), scene.search_ridge)
         total = total + np.float32(weight) * value
-    local = [cv2.GaussianBlur(image, (0, 0), size / 2) for image in (total, counted)]
+    local = [_smooth(image, size / 2, scene.device) for image in (total, counted)]
     return Focus(
         about=local[0] / np.maximum(local[1], 1e-6),
         whole=float(total.sum() / max(counted.sum(), 1e-6)),
         surely=certainty(total, counted),
     )
+
+
+def _smooth(image: Float[np.ndarray, "rows cols"], sigma: float, device: Device) -> Float[np.ndarray, "rows cols"]:
+    """Under a Gaussian of many px."""
+    return device_frame.gaussian(image, sigma) if device == "cuda" else cv2.GaussianBlur(image, (0, 0), sigma)

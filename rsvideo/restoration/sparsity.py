@@ -218,17 +218,17 @@ def _objectives(
         yield tile, (value, weight, by_sample)
 
 
-def _latent_images(scene: Scene, trajectory: Trajectory, ridge: float) -> Iterator[tuple[Tile, Float[np.ndarray, "rows cols"]]]:
-    """Each tile's latent image on its own pixels, computed by the scene's device."""
+def _latent_images(scene: Scene, trajectory: Trajectory, ridge: float) -> Iterator[tuple[Tile, Any, Any]]:
+    """Each tile's latent image on its own pixels, and its frame; both where the scene's device has them."""
     if scene.device == "cpu":
         for tile, offsets in _tiles(scene, trajectory):
             system = _system(scene, tile, offsets)
-            yield tile, system.crop(system.op.image(_latent(system, ridge)[2]))
+            yield tile, system.crop(system.op.image(_latent(system, ridge)[2])), system.frame
         return
     cut = list(_tiles(scene, trajectory))
     solved = _on_device(scene, cut, ridge)
     for t, (tile, _) in enumerate(cut):
-        yield tile, device_frame.to_host(solved.image(t))
+        yield tile, solved.image(t), solved.frames[t]
 
 
 def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
@@ -258,18 +258,20 @@ def density(
     """What each pixel adds to the numerator of f(theta), w (|grad l| / rms)^power, and its weight w; 0 where f is not measured."""
     trajectory = scene.scaled(trajectory)
     value, weight = np.zeros(scene.frame.shape, np.float32), np.zeros(scene.frame.shape, np.float32)
-    for tile, whole in _latent_images(scene, trajectory, ridge):
-        down, across = (slice(border, side - border) for border, side in zip(BORDER, whole.shape, strict=True))
-        frame = scene.frame[:, tile.first : tile.last][down, across]
+    there = scene.device == "cuda"
+    box, fetched = (partial(device_frame.box, window=WINDOW), device_frame.to_host) if there else (_box, np.asarray)
+    for tile, latent, frame in _latent_images(scene, trajectory, ridge):
+        down, across = inner = tuple(slice(border, side - border) for border, side in zip(BORDER, latent.shape, strict=True))
         place = (slice(down.start, down.stop - 1), slice(tile.first + across.start, tile.first + across.stop - 1))
-        value[place], weight[place] = relative_gradients(whole[down, across], frame, scene.gradient_power, power)
+        measured = relative_gradients(latent[inner], frame[inner], scene.gradient_power, power, box)
+        value[place], weight[place] = (fetched(each) for each in measured)
     return value, weight
 
 
 def relative_gradients(
-    latent: Float[np.ndarray, "rows cols"], frame: Float[np.ndarray, "rows cols"], typical: float, power: float
-) -> tuple[Float[np.ndarray, "r c"], Float[np.ndarray, "r c"]]:
+    latent: Float[Any, "rows cols"], frame: Float[Any, "rows cols"], typical: float, power: float, box: Callable[[Any], Any] = _box
+) -> tuple[Float[Any, "r c"], Float[Any, "r c"]]:
     """w (|grad l| / rms_local(grad l))^power of each pixel, and w; both have one row and column less. `typical` is as in texture_weight."""
-    magnitude, _, local = _local_power(np.diff(latent, axis=1)[:-1] ** 2 + np.diff(latent, axis=0)[:, :-1] ** 2)
-    weight = texture_weight(frame, typical)
+    magnitude, _, local = _local_power(np.diff(latent, axis=1)[:-1] ** 2 + np.diff(latent, axis=0)[:, :-1] ** 2, box)
+    weight = texture_weight(frame, typical, box)
     return weight * (magnitude / np.sqrt(local)) ** power, weight

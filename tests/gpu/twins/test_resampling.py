@@ -30,6 +30,8 @@ def test_filters_are_opencvs() -> None:
     image = picture(1)[..., 0]
     there = xp.asarray(image)
     np.testing.assert_allclose(to_host(resampling.blurred(there, 1.2)), cv2.GaussianBlur(image, (0, 0), 1.2), atol=1e-6)
+    narrow = resampling.blurred(there[:3], 1.2)  # fewer rows than the filter reaches
+    np.testing.assert_allclose(to_host(narrow), cv2.GaussianBlur(np.ascontiguousarray(image[:3]), (0, 0), 1.2), atol=1e-6)
     np.testing.assert_allclose(to_host(resampling.mean(there, 15)), cv2.boxFilter(image, -1, (15, 15)), atol=2e-6)
     gx, gy = resampling.gradients(there)
     np.testing.assert_allclose(to_host(gx), cv2.Sobel(image, -1, 1, 0, scale=1 / 8), atol=1e-6)

@@ -13,6 +13,7 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.restoration import sparsity as twin
+from rsvideo.restoration.focus import focus_map
 from rsvideo.restoration.scene import Scene
 
 LARGE = not arrays.SIMULATED
@@ -50,6 +51,12 @@ def test_what_each_pixel_adds_is_the_processors(scene: Scene) -> None:
     moved, ridge = path(scene, SHIFT), scene.search_ridge
     for one, other in zip(twin.density(replace(scene, device="cuda"), moved, ridge), twin.density(scene, moved, ridge), strict=True):
         np.testing.assert_allclose(one, other, atol=1e-4)
+
+
+def test_the_focus_about_each_pixel_is_the_processors(scene: Scene) -> None:
+    there, here = (focus_map(replace(scene, device=device), path(scene, SHIFT), 5) for device in ("cuda", "cpu"))
+    np.testing.assert_allclose(there.about, here.about, atol=1e-4 * np.abs(here.about).max())
+    assert there.whole == pytest.approx(here.whole, rel=1e-3, abs=1e-6)
 
 
 def test_the_mean_over_a_window_is_opencvs() -> None:
