@@ -183,16 +183,16 @@ class DeviceFrame:
     def unexplained(self, latents: Array) -> float:
         """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
         blurred = self._of_all(lambda system, some: system.blur(latents[some]))
-        total = count = 0.0
+        totals, counts = [], []  # on the device, which is waited for once
         for tile, b in zip(self.cut, blurred, strict=True):
             rows, cols = self.shape[0], tile.last - tile.first
             down, across = min(self.weights.rim, rows // 4), min(self.weights.rim, cols // 4)
             inner = np.s_[:, down : rows - down, tile.first + across : tile.last - across]
             data = self.data[inner]
             model = b[:, down : rows - down, self.reach.left + across : self.reach.left + cols - across]
-            total += float(xp.sum(data * (model - self.planes[inner]) ** 2))
-            count += float(data.sum())
-        return total / max(count, 1.0)
+            totals.append(xp.sum(data * (model - self.planes[inner]) ** 2))
+            counts.append(data.sum())
+        return float(xp.stack(totals).sum()) / max(float(xp.stack(counts).sum()), 1.0)
 
     def blurred(self, image: Array) -> Array:
         """K image (rows, cols), what lies beyond it continued from its borders."""
@@ -217,11 +217,11 @@ class DeviceFrame:
             if tile.last < cols:
                 shown[t, 0, :, end:] = data[:, tile.last - 1, None]
         whole = self._of_all(lambda system, some: system.op.image(system.op.adjoint(system.op.spectrum(shown[some]))))
-        out = np.empty((rows, cols), np.float32)
+        out = xp.empty((rows, cols), xp.float32)
         for tile, light in zip(self.cut, whole, strict=True):
-            own = arrays.to_host(self._crop(light, tile)[0])
+            own = self._crop(light, tile)[0]
             out[:, tile.start : tile.stop] = own[:, tile.start - tile.first : tile.stop - tile.first]
-        return out
+        return arrays.to_host(out)
 
     def towards(self, target: Array, ridge: float) -> Array:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""

@@ -159,6 +159,16 @@ def spread(scene: Scene, cols: int) -> Scene:
 
 def halved(scene: Scene, times: int = 1) -> Scene:
     """The same at half the resolution, all its columns; as often as wanted."""
+    return _measured_anew(_smaller(scene, times)) if times else scene
+
+
+def _measured_anew(scene: Scene) -> Scene:
+    """The same with the noise that its frame shows, where the camera's is not given."""
+    return replace(scene, noise=noise_level(scene.frame)) if scene.camera.noise is None else scene
+
+
+def _smaller(scene: Scene, times: int) -> Scene:
+    """The same, halved so often; its noise is taken to fall as that of independent pixels."""
     for _ in range(times):
         rows, cols = (n // 2 for n in scene.frame.shape)
         frame, valid = (
@@ -175,13 +185,18 @@ def halved(scene: Scene, times: int = 1) -> Scene:
             scale=scene.scale / 2,
             device=scene.device,
         )
-    return replace(scene, noise=noise_level(scene.frame)) if times and scene.camera.noise is None else scene
+    return scene
 
 
 def shrunk(scene: Scene, blur: float, most: float) -> Scene:
     """The same, halved until its blur, of `blur` px in the whole frame, has `most` px or fewer."""
+    return halved(scene, _too_long(scene, blur, most))
+
+
+def _too_long(scene: Scene, blur: float, most: float) -> int:
+    """How many halvings that takes."""
     shortest = min(scene.frame.shape)
-    return halved(scene, _halvings(lambda times: blur * scene.scale / 2**times > most and shortest >> times > SMALLEST))
+    return _halvings(lambda times: blur * scene.scale / 2**times > most and shortest >> times > SMALLEST)
 
 
 def _halvings(large: Callable[[int], bool]) -> int:
@@ -201,5 +216,7 @@ def reduced(scene: Scene, blur: float = 0.0) -> Scene:
         short = times > 0 and 0 < blur * scene.scale / 2 ** (times + 1) < SHOWN
         return longest >> times > (FINEST if short else LARGEST)
 
-    scene = shrunk(halved(scene, _halvings(large)), blur, SAMPLES)
+    smaller = _smaller(scene, _halvings(large))
+    smaller = _smaller(smaller, _too_long(smaller, blur, SAMPLES))
+    scene = scene if smaller is scene else _measured_anew(smaller)  # once, for it takes longer than to halve it
     return replace(scene, samples=max(scene.samples, math.ceil(blur * scene.scale)))
