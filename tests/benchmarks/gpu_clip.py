@@ -1,10 +1,12 @@
 """What a clip takes with its latent images on a GPU: seconds a frame by stage in one process, and frames/s of several on one card.
 
-    python tests/benchmarks/gpu_clip.py [--size 1920x1080] [--blur 12] [--frames 8] [--jobs 4,12] [--device cuda] [--json FILE]
+    python tests/benchmarks/gpu_clip.py [--size 1920x1080] [--blur 12] [--frames 8] [--jobs 4,12] [--device cuda] [--source FILE]
+        [--json FILE]
 
-The clip is that of `stages.py`. Its stages are those of the command's own thread, which waits for the card where it fetches pictures: at
-the ends of the latent image, of the neighbours and of straightening. Then as many clips of so many frames as workers are restored by
-`rsvideo run -j`, from start to end, what each worker loads and compiles included. A small clip before compiles what is kept on disk.
+The clip is that of `stages.py`; it is rendered into `--source` if that is not there, which takes longer than all the rest. Its stages
+are those of the command's own thread, which waits for the card where it fetches pictures: at the ends of the latent image, of the
+neighbours and of straightening. Then as many clips of so many frames as workers are restored by `rsvideo run -j`, from start to end, what
+each worker loads and compiles included. A small clip before compiles what is kept on disk.
 With `--device cpu` the same is the processor's.
 """
 
@@ -55,6 +57,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=8)
     parser.add_argument("--jobs", default="4,12", help="workers, one run each")
     parser.add_argument("--device", choices=("cuda", "cpu"), default="cuda")
+    parser.add_argument("--source", type=Path, metavar="FILE", help="the clip, from a run of the same size, blur and frames")
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
     keep_freed_memory()
@@ -62,7 +65,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         filmed(warm := Path(folder) / "warm.mp4", *WARM)
         restored(warm, WARM[0], device=args.device)
-        filmed(source := Path(folder) / "clip.mp4", cols, rows, args.blur, args.frames)
+        source = args.source or Path(folder) / "clip.mp4"
+        if not source.exists():
+            filmed(source, cols, rows, args.blur, args.frames)
+        source = Path(shutil.copy(source, Path(folder) / "filmed.mp4"))
         took = by_stage(source, cols, args.frames, args.device)
         print("| stage | s a frame |\n|---|---:|")
         print("\n".join(f"| {stage} | {seconds:.3f} |" for stage, seconds in took.items()), flush=True)
