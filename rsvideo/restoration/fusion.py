@@ -82,7 +82,8 @@ def fused(
 
     `own` is the share of the frame's own latent image that its data grant, 0 to 1: all of it by default. It counts by as much.
     """
-    weights = first.weight * (np.ones(first.latent.shape[:2], np.float32) if own is None else np.maximum(own, LEAST_OWN))
+    share = np.ones(first.latent.shape[:2], np.float32) if own is None else np.maximum(own, LEAST_OWN).astype(np.float32)
+    weights = np.float32(first.weight) * share
     if frame.device == "cuda":
         return _fused_there(frame, first, others, intrinsics, noise, weights)
     pixels, valid = frame.observed()

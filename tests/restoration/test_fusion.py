@@ -90,3 +90,11 @@ def test_the_blur_of_the_truth_is_the_frame(long):
     np.testing.assert_allclose(
         frame.blurred(np.ascontiguousarray(long.truth[..., 1], np.float32))[16:-16, 16:-16], long.blurred[16:-16, 16:-16, 1], atol=0.03
     )
+
+
+def test_weights_are_summed_in_single_precision_whatever_shares_are_kept_in(long):
+    frame, own = alone(long, LONG)
+    first, other = (PosedImage(latent=own, pose=np.zeros(3), length=length) for length in (12.0, 7.0))
+    share = np.full((ROWS, COLS), 0.75, np.float16)
+    half, single = (fused(frame, first, [other], CAMERA.intrinsics, 0.004, own=each) for each in (share, share.astype(np.float32)))
+    np.testing.assert_allclose(half.latent, single.latent, atol=1e-6)
