@@ -65,7 +65,7 @@ class Task:
         return 2.0 * self.frames, 1_000_000 * self.frames
 
 
-def prepare(request: Request, piped: object = None) -> Task:
+def prepare(request: Request, piped: object = None, found: object = None) -> Task:
     camera = request.camera
     if camera.exposure is None:
         raise ValueError("exposure must be given, it is not in the file")
