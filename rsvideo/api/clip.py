@@ -61,12 +61,6 @@ class Track:
     noise: Noise | None = None
     notes: tuple[str, ...] = ()
 
-    @property
-    def found(self) -> Tracked:
-        """With which shutter and lens it was found."""
-        lens = sidecar.Camera.of(self.camera, "trajectory", self.noise)
-        return Tracked(path=Path("the given Track"), timing=self.timing, timing_source="trajectory", camera=lens)
-
 
 def deblur_clip(
     frames: Source,
@@ -121,7 +115,7 @@ def deblur_clip(
     """
     given = trajectory if isinstance(trajectory, Track) else None
     motion = None if trajectory is None or isinstance(trajectory, Track) else Path(trajectory)
-    found = given.found if given else None
+    found = _tracked(given) if given else None
     stated = Stated.of(
         shutter, camera, settings, rate=rate, transfer=transfer, motion=motion, moved=trajectory is not None, found=found, force=force
     )
@@ -176,6 +170,12 @@ def track(
         noise=camera_found.noise,
         notes=shot.notes,
     )
+
+
+def _tracked(path: Track) -> Tracked:
+    """With which shutter and lens it was found."""
+    lens = sidecar.Camera.of(path.camera, "trajectory", path.noise)
+    return Tracked(path=Path("the given Track"), timing=path.timing, timing_source="trajectory", camera=lens)
 
 
 def _footage(frames: Source, stated: Stated) -> Footage:
