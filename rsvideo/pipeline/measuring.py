@@ -6,7 +6,6 @@ How points move from frame to frame shows the readout and the focal length, and 
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.pipeline import clip_frames
-from rsvideo.pipeline.take import Opened, Take
+from rsvideo.pipeline.take import Opened, Take, Taken
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.settings import Settings
@@ -33,7 +32,6 @@ from rsvideo.video.stream import Stream
 
 FRAMES = 40  # from the middle of what is restored
 DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
-Taken = TypeVar("Taken", bound=Take)
 
 
 def needed(given: Stated, sources: Sources) -> bool:

@@ -6,7 +6,7 @@ A photograph is one frame without neighbours; what else differs is how it is ope
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
@@ -19,7 +19,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import devices, gyro_alignment, output, piping, take
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.pipeline.methods import Treatment
-from rsvideo.pipeline.take import Opened, Take
+from rsvideo.pipeline.take import Opened, Take, Taken
 from rsvideo.pipeline.tracked import Tracked, tracked
 from rsvideo.restoration import exposure
 from rsvideo.restoration.settings import Settings
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 _WIDEST = 0.2  # focal length per longer side: a field of view of 136 degrees
 _SECONDS_A_PIXEL = 2e-5  # of work, roughly, on two cores
 _NO_SHUTTER = Camera(exposure=1e-3, readout=0.0, force=True)  # of the method none, which does not use it
-Taken = TypeVar("Taken", bound=Take)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

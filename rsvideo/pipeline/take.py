@@ -1,7 +1,7 @@
 """A photograph or a clip that was opened, and what is stated of its shutter and lens before any of it is restored."""
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from rsvideo.config.request import Request
 from rsvideo.shooting import profiles, timing
@@ -41,6 +41,9 @@ class Opened(Take):
     """A photograph or a clip, and what is stated of it."""
 
     source: "Still | Stream"
+
+
+Taken = TypeVar("Taken", bound=Take)
 
 
 def of_pictures(
