@@ -12,15 +12,16 @@ from rsvideo.restoration.blind_kernel import ridge_latent
 from rsvideo.restoration.evidence import FOCUS_RIDGE, MIRROR_RIDGES, POWER, STRETCH, certainty
 from rsvideo.restoration.scene import Scene, windowed
 from rsvideo.restoration.sparsity import relative_gradients
-from rsvideo.restoration.verdict import FOCUS, MIRROR
+from rsvideo.restoration.verdict import FOCUS
 
+MIRROR = 2.0  # standard errors, which a kernel must exceed: its mirror image is not led as closely as a path's is
 FAINT = 0.05  # of a kernel's largest value: what is fainter does not count for its length
 PARTS = 4  # of a pixel, across and down, when a kernel is stretched
 BORDER = 16  # px along a frame's sides, a quarter at most, where latent images ring, that are not measured
 
 
 def believed(scene: Scene, kernel: Float[np.ndarray, "k k"]) -> bool:
-    """Whether gradients speak for the kernel as surely as they must for a path."""
+    """Whether gradients speak for the kernel."""
     mirror, focus = compared(scene, kernel)
     return mirror > MIRROR and focus > FOCUS
 

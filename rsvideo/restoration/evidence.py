@@ -19,6 +19,7 @@ from rsvideo.physics.trajectory import Trajectory, centred
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.sparsity import density
+from rsvideo.restoration.spectral_paths import mirrored
 
 POWER = 0.3  # of a gradient, relative to those about it
 MIRROR_RIDGES, FOCUS_RIDGE = (0.3, 1.0), 3.0  # times the scene's own; of 0.3, 1 and 3, those that speak most for true paths
@@ -53,21 +54,25 @@ def evidence(scene: Scene, path: Trajectory, rest: float) -> Evidence:
 
 def compared(scene: Scene, path: Trajectory) -> tuple[float, float]:
     """The standard errors by which gradients are sparser than along the mirror image, and than along the path shorter and longer."""
-    scene, path = sampled(scene, path), centred(path, scene.camera.timing.middle)
+    path = centred(path, scene.camera.timing.middle)
     factor = 1 + STRETCH / max(longest(scene.camera, scene.scaled(path)), SHORTEST)
+    longer, shorter = (path.with_coefficients(times * path.coefficients) for times in (factor, 1 / factor))
+    wanted = [(each, FOCUS_RIDGE) for each in (path, longer, shorter)]
+    (own, weight), (beyond, _), (below, _) = _densities(sampled(scene, path), wanted)
+    return sparser(scene, path, mirrored(path)), certainty((beyond + below) / 2 - own, weight)
 
-    def sparse(measured: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-        times, ridge = measured
-        return density(scene, path.with_coefficients(times * path.coefficients), ridge * scene.ridge, POWER)
 
-    wanted = [(times, ridge) for ridge in MIRROR_RIDGES for times in (1.0, -1.0)] + [
-        (times, FOCUS_RIDGE) for times in (1.0, factor, 1 / factor)
-    ]
-    densities = dict(zip(wanted, threads.each(sparse, wanted), strict=True))
-    mirror = [certainty(densities[-1.0, ridge][0] - densities[1.0, ridge][0], densities[1.0, ridge][1]) for ridge in MIRROR_RIDGES]
-    own, weight = densities[1.0, FOCUS_RIDGE]
-    beside = (densities[factor, FOCUS_RIDGE][0] + densities[1 / factor, FOCUS_RIDGE][0]) / 2
-    return float(np.mean(mirror)), certainty(beside - own, weight)
+def sparser(scene: Scene, path: Trajectory, other: Trajectory) -> float:
+    """The standard errors by which gradients are sparser along a path than along another: its mirror image, or one near to that."""
+    wanted = [(centred(each, scene.camera.timing.middle), ridge) for ridge in MIRROR_RIDGES for each in (path, other)]
+    measured = _densities(sampled(scene, path), wanted)
+    pairs = zip(measured[::2], measured[1::2], strict=True)
+    return float(np.mean([certainty(across - along, weight) for (along, weight), (across, _) in pairs]))
+
+
+def _densities(scene: Scene, wanted: list[tuple[Trajectory, float]]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """What each pixel adds to the sparsity along each path, with a ridge of so many times the scene's own, and its weight."""
+    return threads.each(lambda each: density(scene, each[0], each[1] * scene.ridge, POWER), wanted)
 
 
 def certainty(difference: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "rows cols"]) -> float:

@@ -157,6 +157,15 @@ def spread(scene: Scene, cols: int) -> Scene:
     return replace(scene, tiles=count, chosen=tuple(int(max(part, key=texture.__getitem__)) for part in parts))
 
 
+def textured(scene: Scene) -> Scene | None:
+    """The same, halved until its gradients exceed the noise: the blur has spread those of a noisy frame. None where they never do."""
+    while not scene.textured:
+        if min(scene.frame.shape) < 2 * SMALLEST:
+            return None
+        scene = halved(scene)
+    return scene
+
+
 def halved(scene: Scene, times: int = 1) -> Scene:
     """The same at half the resolution, all its columns; as often as wanted."""
     return _measured_anew(_smaller(scene, times)) if times else scene

@@ -11,7 +11,7 @@ from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.restoration import kernel_search
 from rsvideo.restoration.estimate import ESTIMATED, Estimate
-from rsvideo.restoration.evidence import compared, evidence
+from rsvideo.restoration.evidence import compared, evidence, sparser
 from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.focus import focus_value
 from rsvideo.restoration.refinement import focused, refine
@@ -25,6 +25,7 @@ SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, a
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus: where a long blur still shows, and at each finer resolution
 LAST_SPECTRA, FINAL_SPECTRA = 0.3, 0.5  # weight of the spectra's misfit beside the focus, in the former and in the latter
 FULL = 10.0  # px of blur in the spectra's scene, beyond which the latter falls to the former: a patch holds few periods of long blurs
+PLAIN = 8.0  # standard errors by which a path is sparser than its mirror image, from which on that has no second chance
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
 
@@ -50,13 +51,13 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         yield Estimate(stage="candidate paths", fraction=FOUND + HEAT * i, trajectory=running[0].trajectory)
         where = at.part if wide else at.coarse if i == 0 else at.trial
         running = sorted(threads.each(partial(_Runner.ahead, scene=where, belief=belief, steps=steps), running), key=lambda r: r.value)
-        inside = [r for r in running if not beyond(scene.camera, r.trajectory)] or running[:1]
+        inside = [r for r in running if not beyond(scene.camera, scene.scaled(r.trajectory))] or running[:1]
         running = _going_on(inside, where, most)
         length = longest(scene.camera, running[0].trajectory)
         at = _Resolutions.of(scene, length) if at.trial.scale * length > LONG_REACH else at
     speaks = threads.each(lambda runner: sum(compared(at.part, runner.trajectory)), running)
     path = running[int(np.argmax(speaks))].trajectory
-    yield _focused(path, at, belief)
+    yield _answer(path, at, belief)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,11 +81,37 @@ class _Resolutions:
         return cls(part=spread(scene, WINDOW_COLS), trial=trial, coarse=coarse or trial, fine=fine)
 
 
-def _focused(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> Estimate:
-    """The last steps, by the path's focus, and what speaks for where they lead.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Led:
+    """A path after the last steps, which its focus leads."""
 
-    The spectra speak for the path before they are followed closely: any path can be led to where they drop.
+    trajectory: Trajectory
+    rest: float  # by how much the spectra's misfit was lower than at rest, before they were followed closely: any path can be led there
+    values: tuple[float, ...]  # after each step
+
+
+def _answer(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> Estimate:
+    """The race's winner after the last steps, or its mirror image after the same, and what speaks for it.
+
+    A path of the wrong length may be sparser than its exact mirror image though it leads in the wrong direction. So unless the direction is
+    plain, the mirror image takes the last steps, too; and the path has to be sparser than both.
     """
+    led = _led(path, at, belief)
+    found = evidence(at.part, led.trajectory, led.rest)
+    if found.mirror < 0:
+        led = replace(led, trajectory=mirrored(led.trajectory))
+        found = evidence(at.part, led.trajectory, led.rest)
+    if found.mirror < PLAIN:
+        back = _led(mirrored(led.trajectory), at, belief)
+        surely = sparser(at.part, led.trajectory, back.trajectory)
+        if surely < 0:
+            led, found, surely = back, evidence(at.part, back.trajectory, back.rest), -surely
+        found = replace(found, mirror=min(found.mirror, surely))
+    return Estimate(stage="path", fraction=ESTIMATED, trajectory=led.trajectory, values=led.values, evidence=found)
+
+
+def _led(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> _Led:
+    """Where the last steps lead from a path."""
     best = focused(sampled(at.coarse, path), path, replace(belief, weight=LAST_SPECTRA), steps=LAST_STEPS)
     path, values, rest = best.trajectory, best.values, belief.spectrum.drop(best.trajectory)
     blur = max(longest(at.part.camera, path) * belief.spectrum.scene.scale, FULL)
@@ -92,11 +119,7 @@ def _focused(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> Esti
     for where in dict.fromkeys((at.trial, at.fine)):
         best = focused(sampled(where, path), path, closely, steps=FINER_STEPS)
         path, values = best.trajectory, values + best.values
-    found = evidence(at.part, path, rest)
-    if found.mirror < 0:
-        path = mirrored(path)
-        found = evidence(at.part, path, rest)
-    return Estimate(stage="path", fraction=ESTIMATED, trajectory=path, values=values, evidence=found)
+    return _Led(trajectory=path, rest=rest, values=values)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ from rsvideo.restoration.estimate import ESTIMATED, Estimator
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
-from rsvideo.restoration.scene import gradient_power, scene_of
+from rsvideo.restoration.scene import gradient_power, scene_of, textured
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.verdict import judge
 
@@ -55,6 +55,7 @@ class _Found:
     trajectory: Trajectory
     verdict: Verdict
     values: tuple[float, ...] = ()
+    part: float = 1.0  # of the restoration along it that is shown
 
 
 def restore(
@@ -108,11 +109,11 @@ def restored(
             latent, done = image, step / max(settings.splittings, 1)
             observe(Progress(stage="latent image", fraction=ESTIMATED + (1 - ESTIMATED) * done))
         latent, covered = frame.to_host(latent), frame.covered() if coverage else None
-    if verdict is Verdict.DOUBTFUL:
-        latent = doubtful.restored(view, path, latent)
     if verdict is Verdict.UNDIRECTED:
         read = undirected.read(view, path, latent)
         latent, verdict = (read.latent, verdict) if read.worth else (view.pixels, Verdict.UNEXPLAINED)
+    elif verdict.deblurred and found.part < 1:
+        latent = doubtful.restored(view, path, latent, found.part)
     seconds = time.monotonic() - started
     return Restored(view=view, trajectory=path, latent=latent, verdict=verdict, seconds=seconds, convergence=found.values, covered=covered)
 
@@ -120,14 +121,17 @@ def restored(
 def _found(view: View, settings: Settings, start: ApproximatePath | None, estimate: Estimator, observe: Observer) -> _Found:
     """The trajectory that the picture shows; none in a frame without texture."""
     scene = scene_of(view, settings)
-    if not scene.textured:
+    shown = textured(scene)
+    if shown is None:
         rest = still(view.camera.timing.interval, degree=settings.degree, axes=2)
         return _Found(trajectory=rest, verdict=Verdict.NO_TEXTURE)
     last = None
-    for last in estimate(scene, settings) if start is None else corrected(scene, start, settings):
+    for last in estimate(shown, settings) if start is None else corrected(scene, start, settings):
         observe(Progress(stage=last.stage, fraction=last.fraction))
     assert last is not None  # an estimator yields at least once
-    return _Found(trajectory=last.trajectory, verdict=judge(scene, last.trajectory, last.evidence), values=last.values)
+    verdict = judge(scene, last.trajectory, last.evidence)
+    part = doubtful.share(verdict, longest(view.camera, last.trajectory)) if last.evidence else 1.0
+    return _Found(trajectory=last.trajectory, verdict=verdict, values=last.values, part=part)
 
 
 def model_noise(view: View, error: float) -> float:

@@ -15,12 +15,11 @@ from rsvideo.restoration.sparsity import objective
 REST = 0.05  # by which the spectra's misfit is lower than at rest: 0.07 to 0.57 along true paths, 0 to 0.45 along others
 REST_UNDIRECTED = 0.2  # the same where the mirror image does not speak for the path, which it does for few wrong ones: those show up to
 # 0.17, and right ones of unknown direction 0.16 to 0.44
-MIRROR = 2.0  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.8 to 24 along true others
-LOGISTIC = -0.45, 1.6, 1.6, 1.1  # logarithm of the odds that a path is right: a constant, and what the logarithms of rest, mirror and
+MIRROR = 1.75  # standard errors: about 0 +- 1 along even motions, which leave no trace of their direction, and 1.8 to 24 along true others
+LOGISTIC = 0.5, 1.7, 1.3, 1.1  # logarithm of the odds that a path is right: a constant, and what the logarithms of rest, mirror and
 # focus add; fitted by tests/benchmarks/judge.py
 CONFIDENT = math.log(2)  # of that logarithm: a path is followed that is twice as likely right as wrong, for a wrong one costs more trust
-PERHAPS = -1.5  # of that logarithm, from which on a path is followed in part (restoration.doubtful)
-MIRROR_PERHAPS = 3.0  # MIRROR of such paths: of 6 between the two one is wrong and costs 4 dB, of 6 beyond none
+PERHAPS = -0.5  # of that logarithm, from which on a path is followed in part (restoration.doubtful); from -2 to -0.5 little differs
 WOBBLE = 0.5  # px; up to which the direction does not matter
 FOCUS = 2.5  # standard errors: mostly -2 to 2.5 along wrong paths, up to 7 in scenes of several depths, 2.9 to 21 along most true ones
 SHORTEST = 1.0  # px; a frame whose path is shorter is sharp
@@ -57,7 +56,7 @@ def judge(scene: Scene, path: Trajectory, evidence: Evidence | None = None) -> V
 def believed(evidence: Evidence) -> Verdict:
     """What becomes of a frame by what speaks for its path: whether it is twice as likely right as wrong, if its direction shows.
 
-    Where its direction shows plainly, but the path is less likely, the frame is restored in part.
+    Where its direction shows, but the path is less likely, the frame is restored in part.
     """
     directed = evidence.mirror > MIRROR
     if evidence.rest <= (REST if directed else REST_UNDIRECTED) or evidence.focus <= FOCUS:
@@ -67,7 +66,7 @@ def believed(evidence: Evidence) -> Verdict:
     odds = log_odds(evidence)
     if odds > CONFIDENT:
         return Verdict.RESTORED
-    return Verdict.DOUBTFUL if odds > PERHAPS and evidence.mirror > MIRROR_PERHAPS else Verdict.UNEXPLAINED
+    return Verdict.DOUBTFUL if odds > PERHAPS else Verdict.UNEXPLAINED
 
 
 def log_measures(evidence: Evidence) -> tuple[float, ...]:

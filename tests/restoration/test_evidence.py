@@ -8,7 +8,7 @@ from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
-from rsvideo.restoration.evidence import BLOCK, certainty, compared
+from rsvideo.restoration.evidence import BLOCK, certainty, compared, sparser
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.spectral_paths import mirrored
 
@@ -70,3 +70,12 @@ def test_a_curved_path_is_told_from_its_mirror_image_and_from_its_length() -> No
 def test_an_even_motion_has_no_direction() -> None:
     path = path_of((9, 4))
     assert abs(compared(scene_of_squares(path), path)[0]) < 2
+
+
+def test_a_path_is_compared_with_any_other() -> None:
+    path = path_of((7, 3), (4, -4), (-2, 2))
+    scene = scene_of_squares(path)
+    assert sparser(scene, path, mirrored(path)) == compared(scene, path)[0]
+    astray = path_of((7, 3), (-4, 4), (2, -2))
+    assert sparser(scene, path, astray) > 3
+    assert sparser(scene, astray, path) < -3

@@ -8,7 +8,7 @@ import pytest
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import still
-from rsvideo.restoration.scene import FEWEST_TILES, TRIAL_COLS, WINDOW_COLS, Scene, spread
+from rsvideo.restoration.scene import FEWEST_TILES, SMALLEST, TRIAL_COLS, WINDOW_COLS, Scene, noise_level, spread, textured
 from rsvideo.restoration.sparsity import density, objective
 
 ROWS = 64
@@ -59,3 +59,21 @@ def test_a_narrow_frame_keeps_all_its_columns() -> None:
     scene = spread(grey(300), TRIAL_COLS)
     assert scene.tiles == FEWEST_TILES
     assert [(tile.start, tile.stop) for tile in scene.cut()] == [(0, 150), (150, 300)]
+
+
+@pytest.mark.parametrize(("noise", "halvings"), [(0.0, 0), (0.02, 1), (0.04, 2)])
+def test_a_frame_is_halved_until_its_texture_exceeds_the_noise(noise: float, halvings: int) -> None:
+    rows, cols = 5 * SMALLEST, 6 * SMALLEST
+    timing = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=rows)
+    camera = Camera(timing=timing, intrinsics=Intrinsics.centred(focal=cols, rows=rows, cols=cols))
+    y, x = np.mgrid[:rows, :cols]
+    waves = 0.5 + 0.2 * np.sin(x / 8) * np.sin(y / 8)  # 50 px long, as a long blur leaves them
+    frame = (waves + noise * np.random.default_rng(0).standard_normal((rows, cols))).astype(np.float32)
+    scene = Scene(frame=frame, valid=np.ones_like(frame), camera=camera, samples=4, tiles=2, noise=noise_level(frame))
+    shown = textured(scene)
+    assert shown is not None
+    assert shown.frame.shape == (rows >> halvings, cols >> halvings)
+    assert shown.scale == 0.5**halvings
+    flat = np.full_like(frame, 0.5) + (frame - waves).astype(np.float32)
+    if noise:
+        assert textured(replace(scene, frame=flat, noise=noise_level(flat))) is None
