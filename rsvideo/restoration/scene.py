@@ -157,7 +157,7 @@ def spread(scene: Scene, cols: int) -> Scene:
     return replace(scene, tiles=count, chosen=tuple(int(max(part, key=texture.__getitem__)) for part in parts))
 
 
-def textured(scene: Scene) -> Scene | None:
+def halved_until_textured(scene: Scene) -> Scene | None:
     """The same, halved until its gradients exceed the noise: the blur has spread those of a noisy frame. None where they never do."""
     while not scene.textured:
         if min(scene.frame.shape) < 2 * SMALLEST:

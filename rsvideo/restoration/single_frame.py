@@ -19,7 +19,7 @@ from rsvideo.restoration.estimate import ESTIMATED, Estimator
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
-from rsvideo.restoration.scene import gradient_power, scene_of, textured
+from rsvideo.restoration.scene import gradient_power, halved_until_textured, scene_of
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.verdict import judge
 
@@ -121,7 +121,7 @@ def restored(
 def _found(view: View, settings: Settings, start: ApproximatePath | None, estimate: Estimator, observe: Observer) -> _Found:
     """The trajectory that the picture shows; none in a frame without texture."""
     scene = scene_of(view, settings)
-    shown = textured(scene)
+    shown = halved_until_textured(scene)
     if shown is None:
         rest = still(view.camera.timing.interval, degree=settings.degree, axes=2)
         return _Found(trajectory=rest, verdict=Verdict.NO_TEXTURE)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from rsvideo.physics.camera import Camera, Intrinsics
+from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import still
-from rsvideo.restoration.scene import FEWEST_TILES, SMALLEST, TRIAL_COLS, WINDOW_COLS, Scene, noise_level, spread, textured
+from rsvideo.restoration.scene import FEWEST_TILES, SMALLEST, TRIAL_COLS, WINDOW_COLS, Scene, halved_until_textured, spread
 from rsvideo.restoration.sparsity import density, objective
 
 ROWS = 64
@@ -70,10 +71,10 @@ def test_a_frame_is_halved_until_its_texture_exceeds_the_noise(noise: float, hal
     waves = 0.5 + 0.2 * np.sin(x / 8) * np.sin(y / 8)  # 50 px long, as a long blur leaves them
     frame = (waves + noise * np.random.default_rng(0).standard_normal((rows, cols))).astype(np.float32)
     scene = Scene(frame=frame, valid=np.ones_like(frame), camera=camera, samples=4, tiles=2, noise=noise_level(frame))
-    shown = textured(scene)
+    shown = halved_until_textured(scene)
     assert shown is not None
     assert shown.frame.shape == (rows >> halvings, cols >> halvings)
     assert shown.scale == 0.5**halvings
     flat = np.full_like(frame, 0.5) + (frame - waves).astype(np.float32)
     if noise:
-        assert textured(replace(scene, frame=flat, noise=noise_level(flat))) is None
+        assert halved_until_textured(replace(scene, frame=flat, noise=noise_level(flat))) is None
