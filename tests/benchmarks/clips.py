@@ -2,10 +2,10 @@
 
     python tests/benchmarks/clips.py CASES -o RESULTS [--known] [--alone] [--cold] [--json FILE]
 
-CASES holds a folder a case: clip.mp4, truth.mp4, motion.csv, case.json. With --known the motion of motion.csv is given and each
-frame restored by itself: the bound of what its own blur has left. With --alone frames are restored along the clip's path without
-their neighbours' help; with --cold every frame is restored blindly, as a still. RESULTS gets NAME.mp4, its sidecar and its
-log; FILE the figures, for tests/benchmarks/moved.py.
+CASES holds a folder a case: clip.mp4, truth.mp4, motion.csv, case.json. With --known the motion of motion.csv is given. With --alone frames are
+restored without their neighbours' help: with --known, too, that is the bound of what a frame's own blur has left. With --cold every
+frame is restored blindly, as a still. RESULTS gets NAME.mp4, its sidecar and its log; FILE the figures, for
+tests/benchmarks/moved.py.
 """
 
 import argparse
@@ -69,6 +69,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
+    frames = "alone" if args.alone else "cold" if args.cold else "together"
     rows, steadiness, gains = [], [], []
     columns = ("blurred dB", "restored dB", "gain dB", "least gain of a frame dB", "path error px", "seconds a frame")
     print(f"| clip | {' | '.join(columns)} | unsteadiness dB: truth, blurred, restored |")
@@ -76,9 +77,8 @@ def main() -> None:
     for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
         facts = json.loads((case / "case.json").read_text())
         output = args.output / f"{case.name}.mp4"
-        given = ["--trajectory", case / "motion.csv", "--frames", "alone"] if args.known else []
-        alone = ["--frames", "alone"] if args.alone else ["--frames", "cold"] if args.cold else []
-        records, values = restored(case, output, [*given, *alone])
+        given = ["--trajectory", case / "motion.csv"] if args.known else []
+        records, values = restored(case, output, [*given, "--frames", frames])
         t, pitch, yaw, roll = np.loadtxt(case / "motion.csv", delimiter=",", skiprows=1).T
         focal = facts["focal_px"]
         path = np.stack([focal * yaw, -focal * pitch, roll], axis=1)
@@ -106,9 +106,9 @@ def main() -> None:
         figures = [*values.mean(axis=0), gain.mean(), gain.min(), np.median(errors), seconds]
         rows.append({"clip": case.name} | dict(zip(COLUMNS, map(float, figures), strict=True)))
         steadiness.append({"clip": case.name} | dict(zip(("truth_db", "blurred_db", "restored_db"), steady, strict=True)))
-        gains.append({"clip": case.name, "known_alone_gain_db": float(gain.mean())})
+        gains.append({"clip": case.name, f"{'known' if args.known else 'found'}_{frames}_gain_db": float(gain.mean())})
     if args.json:
-        sections = {"clip_ways": gains} if args.known else {"clips": rows, "steadiness": steadiness}
+        sections = {"clip_ways": gains} if args.known else {"clips": rows, "steadiness": steadiness, "clip_ways": gains}
         published.write(args.json, sections, [flag for flag in ("--alone", "--cold") if vars(args)[flag[2:]]])
 
 
