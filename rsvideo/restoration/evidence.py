@@ -40,26 +40,33 @@ class Evidence:
     focus: float  # standard errors by which they are sparser than along the same path shorter and longer
 
 
-def evidence(scene: Scene, path: Trajectory, rest: float) -> Evidence:
-    """What speaks for a path that was found; `rest` is what the spectra say of it."""
-    middles = scene.camera.timing.sample_times(MIDDLES).mean(axis=1)
-    mirror, focus = compared(scene, path)
+def evidence(part: Scene, whole: Scene, path: Trajectory, rest: float) -> Evidence:
+    """What speaks for a path that was found; `rest` is what the spectra say of it.
+
+    The direction shows least, so it is looked for in the whole scene, at the full resolution where that is at hand.
+    """
+    middles = part.camera.timing.sample_times(MIDDLES).mean(axis=1)
     return Evidence(
         rest=rest,
-        mirror=mirror,
+        mirror=sparser(whole, path, mirrored(path)),
         wobble=float(np.linalg.norm(path.at(middles)[:, :2].std(axis=0))),
-        focus=focus,
+        focus=sharper(part, path),
     )
 
 
-def compared(scene: Scene, path: Trajectory) -> tuple[float, float]:
-    """The standard errors by which gradients are sparser than along the mirror image, and than along the path shorter and longer."""
+def spoken(scene: Scene, path: Trajectory) -> float:
+    """Standard errors by which gradients are sparser along a path than along its mirror image, and than along it shorter and longer."""
+    return sparser(scene, path, mirrored(path)) + sharper(scene, path)
+
+
+def sharper(scene: Scene, path: Trajectory) -> float:
+    """The standard errors by which gradients are sparser along a path than along the same path shorter and longer."""
     path = centred(path, scene.camera.timing.middle)
     factor = 1 + STRETCH / max(longest(scene.camera, scene.scaled(path)), SHORTEST)
     longer, shorter = (path.with_coefficients(times * path.coefficients) for times in (factor, 1 / factor))
     wanted = [(each, FOCUS_RIDGE) for each in (path, longer, shorter)]
     (own, weight), (beyond, _), (below, _) = _densities(sampled(scene, path), wanted)
-    return sparser(scene, path, mirrored(path)), certainty((beyond + below) / 2 - own, weight)
+    return certainty((beyond + below) / 2 - own, weight)
 
 
 def sparser(scene: Scene, path: Trajectory, other: Trajectory) -> float:

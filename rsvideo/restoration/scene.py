@@ -71,6 +71,11 @@ class Scene:
         every = split(self.frame.shape[1], self.tiles, 0)
         return [every[k] for k in self.chosen]
 
+    @property
+    def counted(self) -> int:
+        """How many pixels count."""
+        return self.frame.shape[0] * sum(tile.last - tile.first for tile in self.cut())
+
     @cached_property
     def gradient_power(self) -> float:
         """Mean square of the gradients of the tiles that count."""

@@ -11,7 +11,7 @@ from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory, centred, still
 from rsvideo.restoration import kernel_search
 from rsvideo.restoration.estimate import ESTIMATED, Estimate
-from rsvideo.restoration.evidence import compared, evidence, sparser
+from rsvideo.restoration.evidence import evidence, sparser, spoken
 from rsvideo.restoration.extent import beyond, longest, sampled
 from rsvideo.restoration.focus import focus_value
 from rsvideo.restoration.refinement import focused, refine
@@ -25,7 +25,7 @@ SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, a
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus: where a long blur still shows, and at each finer resolution
 LAST_SPECTRA, FINAL_SPECTRA = 0.3, 0.5  # weight of the spectra's misfit beside the focus, in the former and in the latter
 FULL = 10.0  # px of blur in the spectra's scene, beyond which the latter falls to the former: a patch holds few periods of long blurs
-PLAIN = 8.0  # standard errors by which a path is sparser than its mirror image, from which on that has no second chance
+PLAIN = 8.0  # standard errors, in the columns on which paths are judged; one that leads wrongly had 5.3
 BEGUN, FOUND, HEAT = 0.02, 0.3, 0.13  # of a frame's work: before and after the spectra, a heat
 
 
@@ -55,7 +55,7 @@ def estimate(scene: Scene, settings: Settings) -> Iterator[Estimate]:
         running = _going_on(inside, where, most)
         length = longest(scene.camera, running[0].trajectory)
         at = _Resolutions.of(scene, length) if at.trial.scale * length > LONG_REACH else at
-    speaks = threads.each(lambda runner: sum(compared(at.part, runner.trajectory)), running)
+    speaks = threads.each(lambda runner: spoken(at.part, runner.trajectory), running)
     path = running[int(np.argmax(speaks))].trajectory
     yield _answer(path, at, belief)
 
@@ -68,6 +68,7 @@ class _Resolutions:
     trial: Scene  # fewer columns
     coarse: Scene  # half the resolution, where a long blur still shows
     fine: Scene  # twice the resolution, where a large scene was halved
+    whole: Scene  # of that resolution, all columns
 
     @classmethod
     def of(cls, scene: Scene, length: float) -> "_Resolutions":
@@ -78,7 +79,14 @@ class _Resolutions:
         coarse = spread(halved(scene), TRIAL_COLS // 2) if length * scene.scale > COARSE_REACH else None
         trial = spread(scene, TRIAL_COLS)
         fine = trial if finer is scene else spread(finer, TRIAL_COLS)
-        return cls(part=spread(scene, WINDOW_COLS), trial=trial, coarse=coarse or trial, fine=fine)
+        return cls(
+            part=spread(scene, WINDOW_COLS), trial=trial, coarse=coarse or trial, fine=fine, whole=spread(finer, finer.frame.shape[1])
+        )
+
+    @property
+    def plain(self) -> float:
+        """Standard errors by which a path is sparser in the whole than its mirror image, from which on that has no second chance."""
+        return PLAIN * math.sqrt(self.whole.counted / self.part.counted)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,15 +105,15 @@ def _answer(path: Trajectory, at: _Resolutions, belief: SpectralBelief) -> Estim
     plain, the mirror image takes the last steps, too; and the path has to be sparser than both.
     """
     led = _led(path, at, belief)
-    found = evidence(at.part, led.trajectory, led.rest)
+    found = evidence(at.part, at.whole, led.trajectory, led.rest)
     if found.mirror < 0:
         led = replace(led, trajectory=mirrored(led.trajectory))
-        found = evidence(at.part, led.trajectory, led.rest)
-    if found.mirror < PLAIN:
+        found = evidence(at.part, at.whole, led.trajectory, led.rest)
+    if found.mirror < at.plain:
         back = _led(mirrored(led.trajectory), at, belief)
-        surely = sparser(at.part, led.trajectory, back.trajectory)
+        surely = sparser(at.whole, led.trajectory, back.trajectory)
         if surely < 0:
-            led, found, surely = back, evidence(at.part, back.trajectory, back.rest), -surely
+            led, found, surely = back, evidence(at.part, at.whole, back.trajectory, back.rest), -surely
         found = replace(found, mirror=min(found.mirror, surely))
     return Estimate(stage="path", fraction=ESTIMATED, trajectory=led.trajectory, values=led.values, evidence=found)
 

@@ -17,7 +17,10 @@ from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
 
 LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
 LEAST_DROP = 0.08  # by which the spectra's misfit must be lower than at rest, for a frame not to count as sharp
-LARGEST_SIDE = 960  # px, of a scene that is searched; larger ones are halved
+LARGEST_SIDE = 960  # px, of a scene that is searched first; larger ones are halved
+PLAIN = (
+    6.0  # px of blur, that show well; where a frame that was halved for its size shows less, it is searched at twice the resolution, too
+)
 PATCH_REACH = 34.0  # px; of longer blurs the coarser resolution judges, in whose patches they have room
 ALSO = 2  # paths of the other resolution are handed on
 TURN = 2.5  # px by which the ends of neighbouring ones lie apart, and at least
@@ -78,29 +81,35 @@ class _Level:
         return self.belief.spectrum.drop(self.paths[0].trajectory)
 
     @property
+    def scale(self) -> float:
+        """Of the resolution."""
+        return self.belief.spectrum.scene.scale
+
+    @property
     def length(self) -> float:
         """Of the best path, in px of the whole frame."""
-        return longest(self.belief.spectrum.scene.camera, self.paths[0].trajectory)
+        scene = self.belief.spectrum.scene
+        return longest(scene.camera, scene.scaled(self.paths[0].trajectory)) / scene.scale
+
+    @property
+    def blurred(self) -> bool:
+        """Whether the spectra are not those of a frame at rest."""
+        return bool(self.paths) and self.drop >= LEAST_DROP
 
 
 def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, list[Trajectory]] | None:
     """Distinct paths that lead to a minimum of the misfit, best first, and what they are to be judged by; None without texture.
 
-    They are looked for at the scene's own resolution, or one that serves, and at half of it, where long blurs fit into a patch and
-    texture deceives less. The latter judges where the former shows no blur, or a longer one than fits. The misfit is even: the mirror
-    image -p of each path explains the spectra as well. There is no path where the spectra are those of a frame at rest.
+    They are looked for at a resolution and at half of it, where long blurs fit into a patch and texture deceives less. The latter judges
+    where the former shows no blur, or a longer one than fits. The misfit is even: the mirror image -p of each path explains the spectra as
+    well. There is no path where the spectra are those of a frame at rest.
     """
-    while max(scene.frame.shape) > LARGEST_SIDE:
-        scene = halved(scene)
-    scenes = [scene, halved(scene)] if min(scene.frame.shape) >= 2 * SIDE else [scene]
-    searched = [level for each in scenes if (level := _level(each, settings)) is not None]
+    searched = _searched(scene, settings)
     if not searched:
         return None
-    levels = [level for level in searched if level.paths]
-    if max((level.drop for level in levels), default=0.0) < LEAST_DROP:
+    if not any(level.blurred for level in searched):
         return searched[0].belief, []
-    if levels[0].drop < LEAST_DROP or min(level.length for level in levels) * scene.scale > PATCH_REACH:
-        levels.reverse()
+    levels = [level for level in (searched if _shows(searched) else reversed(searched)) if level.paths]
     times, belief = np.linspace(*scene.camera.timing.interval, TIMES), levels[0].belief
     paths = [each.trajectory for each in levels[0].paths]
     paths += _turned(belief, levels[0].paths, times)
@@ -108,6 +117,26 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
         if _new(each.trajectory, paths, times):
             paths.append(each.trajectory)
     return belief, paths
+
+
+def _searched(scene: Scene, settings: Settings) -> list[_Level]:
+    """The finest resolution that shows a blur, and half of it; of a frame of LARGEST_SIDE px or fewer its own and half of it.
+
+    Neither noise nor softness hides a short blur at half of a large frame's resolution, but its own length does.
+    """
+    level = _level(scene, settings)
+    while True:
+        smaller = halved(scene) if min(scene.frame.shape) >= 2 * SIDE else None
+        coarser = _level(smaller, settings) if smaller else None
+        searched = [each for each in (level, coarser) if each is not None]
+        if smaller is None or max(scene.frame.shape) <= LARGEST_SIDE or (level and _shows(searched)):
+            return searched
+        scene, level = smaller, coarser
+
+
+def _shows(levels: Sequence[_Level]) -> bool:
+    """Whether the first level shows a blur, and one that has room in its patches by any of them."""
+    return levels[0].blurred and min(level.length for level in levels if level.paths) * levels[0].scale <= PATCH_REACH
 
 
 def _level(scene: Scene, settings: Settings) -> _Level | None:

@@ -2,10 +2,10 @@
 
     python tests/benchmarks/clips.py CASES -o RESULTS [--known] [--alone] [--cold] [--json FILE]
 
-CASES holds a folder a case: clip.mp4, truth.mp4, motion.csv, case.json. With --known the motion of motion.csv is given. With --alone frames are
-restored without their neighbours' help: with --known, too, that is the bound of what a frame's own blur has left. With --cold every
-frame is restored blindly, as a still. RESULTS gets NAME.mp4, its sidecar and its log; FILE the figures, for
-tests/benchmarks/moved.py.
+CASES holds a folder a case: clip.mp4, truth.mp4, motion.csv, case.json. With --known the motion of motion.csv is given. With
+--alone frames are restored without their neighbours' help: with --known, too, that is the bound of what a frame's own blur has
+left. With --cold every frame is restored blindly, as a still. RESULTS gets NAME.mp4, its sidecar and its log; FILE the figures,
+for tests/benchmarks/moved.py.
 """
 
 import argparse

@@ -8,7 +8,7 @@ from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
-from rsvideo.restoration.evidence import BLOCK, certainty, compared, sparser
+from rsvideo.restoration.evidence import BLOCK, certainty, sharper, sparser
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.spectral_paths import mirrored
 
@@ -60,22 +60,21 @@ def path_of(*coefficients: tuple[float, float]) -> Trajectory:
 def test_a_curved_path_is_told_from_its_mirror_image_and_from_its_length() -> None:
     path = path_of((7, 3), (4, -4), (-2, 2))
     scene = scene_of_squares(path)
-    mirror, focus = compared(scene, path)
+    mirror, focus = sparser(scene, path, mirrored(path)), sharper(scene, path)
     assert mirror > 3
     assert focus > 5
-    assert compared(scene, mirrored(path))[0] == pytest.approx(-mirror, rel=0.3)
-    assert compared(scene, path.with_coefficients(2 * path.coefficients))[1] < focus / 3
+    assert sparser(scene, mirrored(path), path) == pytest.approx(-mirror, rel=0.3)
+    assert sharper(scene, path.with_coefficients(2 * path.coefficients)) < focus / 3
 
 
 def test_an_even_motion_has_no_direction() -> None:
     path = path_of((9, 4))
-    assert abs(compared(scene_of_squares(path), path)[0]) < 2
+    assert abs(sparser(scene_of_squares(path), path, mirrored(path))) < 2
 
 
 def test_a_path_is_compared_with_any_other() -> None:
     path = path_of((7, 3), (4, -4), (-2, 2))
     scene = scene_of_squares(path)
-    assert sparser(scene, path, mirrored(path)) == compared(scene, path)[0]
     astray = path_of((7, 3), (-4, 4), (2, -2))
     assert sparser(scene, path, astray) > 3
     assert sparser(scene, astray, path) < -3

@@ -10,7 +10,9 @@ from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.simulate import render
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, fit, path_error
+from rsvideo.restoration import spectral_paths as paths_room
 from rsvideo.restoration import spectrum as spectrum_room
+from rsvideo.restoration.extent import longest
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import mirrored, spectral_paths, turns
@@ -135,6 +137,43 @@ def test_a_frame_at_rest_shows_a_short_path_or_one_that_explains_no_more() -> No
     spectrum = found[0].spectrum
     rest = spectrum.value(PATH.with_coefficients(0 * PATH.coefficients))
     assert all(spectrum.value(path) > rest - 0.02 for path in found[1])
+
+
+@pytest.mark.parametrize(
+    ("lengths", "searched", "judging"),
+    [
+        ({1.0: 4.0, 0.5: 30.0}, [1.0, 0.5], 1.0),  # shown by the frame's own resolution, whatever half of it says
+        ({1.0: 45.0, 0.5: 20.0}, [1.0, 0.5, 0.25], 0.5),  # too long for its patches
+        ({0.5: 4.0}, [1.0, 0.5, 0.25], 0.5),  # not shown by it
+        ({0.125: 9.0}, [1.0, 0.5, 0.25, 0.125], 0.125),
+        ({}, [1.0, 0.5, 0.25, 0.125], None),
+    ],
+)
+def test_a_large_frame_is_searched_at_the_finest_resolution_that_shows_its_blur(
+    lengths: dict[float, float], searched: list[float], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The blur shows at some resolutions, and has so many px there."""
+    rows, cols = 4 * ROWS, 4 * COLS
+    camera = Camera(timing=replace(TIMING, rows=rows), intrinsics=Intrinsics.centred(focal=cols, rows=rows, cols=cols))
+    grey = fractal(np.random.default_rng(0), rows, cols).astype(np.float32)
+    large, even = replace(scene, frame=grey, valid=np.ones_like(grey), camera=camera), moved((1, 0, 0))
+    tried = []
+
+    def level(at: Scene, _: Settings) -> paths_room._Level:
+        tried.append(at.scale)
+        path = even.with_coefficients(even.coefficients * lengths.get(at.scale, 0.1) / longest(at.camera, at.scaled(even)))
+        return paths_room._Level(
+            belief=paths_room.SpectralBelief(spectrum=spectrum_of(at)), paths=[paths_room.SpectralPath(trajectory=path, misfit=0.0)]
+        )
+
+    monkeypatch.setattr(Spectrum, "drop", lambda self, _: 0.3 if self.scene.scale in lengths else 0.0)
+    monkeypatch.setattr(paths_room, "LARGEST_SIDE", COLS)
+    monkeypatch.setattr(paths_room, "_level", level)
+    monkeypatch.setattr(paths_room, "_turned", lambda *_: [])
+    found = spectral_paths(large, Settings())
+    assert found is not None
+    assert tried == searched
+    assert (found[0].spectrum.scene.scale if found[1] else None) == judging
 
 
 def test_a_frame_without_texture_or_smaller_than_a_patch_has_no_spectra(scene: Scene) -> None:
