@@ -17,7 +17,7 @@ from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
 
 LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
 LEAST_DROP = 0.08  # by which the spectra's misfit must be lower than at rest, for a frame not to count as sharp
-LARGEST_SIDE = 960  # px, of a scene that is searched first; larger ones are halved
+LARGEST_SIDE, SHOWN = 960, 5.0  # px: a larger scene is halved as long as its longest blur keeps so many
 PLAIN = (
     6.0  # px of blur, that show well; where a frame that was halved for its size shows less, it is searched at twice the resolution, too
 )
@@ -109,7 +109,9 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
         return None
     if not any(level.blurred for level in searched):
         return searched[0].belief, []
-    levels = [level for level in (searched if _shows(searched) else reversed(searched)) if level.paths]
+    levels = [level for level in searched if level.paths]
+    if not levels[0].blurred or min(level.length for level in levels) * levels[0].scale > PATCH_REACH:
+        levels.reverse()
     times, belief = np.linspace(*scene.camera.timing.interval, TIMES), levels[0].belief
     paths = [each.trajectory for each in levels[0].paths]
     paths += _turned(belief, levels[0].paths, times)
@@ -120,23 +122,19 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
 
 
 def _searched(scene: Scene, settings: Settings) -> list[_Level]:
-    """The finest resolution that shows a blur, and half of it; of a frame of LARGEST_SIDE px or fewer its own and half of it.
+    """A resolution and half of it: those at which a large frame's blur has a few px, and else a frame's own.
 
-    Neither noise nor softness hides a short blur at half of a large frame's resolution, but its own length does.
+    Shorter blurs hide at half the resolution. Along longer ones blur differs within the parts whose spectra are averaged.
     """
     level = _level(scene, settings)
     while True:
         smaller = halved(scene) if min(scene.frame.shape) >= 2 * SIDE else None
         coarser = _level(smaller, settings) if smaller else None
-        searched = [each for each in (level, coarser) if each is not None]
-        if smaller is None or max(scene.frame.shape) <= LARGEST_SIDE or (level and _shows(searched)):
-            return searched
+        short = level is not None and level.blurred and level.length * level.scale < 2 * SHOWN
+        alone = level is not None and level.blurred and not (coarser and coarser.blurred)
+        if smaller is None or max(scene.frame.shape) <= LARGEST_SIDE or short or alone:
+            return [each for each in (level, coarser) if each is not None]
         scene, level = smaller, coarser
-
-
-def _shows(levels: Sequence[_Level]) -> bool:
-    """Whether the first level shows a blur, and one that has room in its patches by any of them."""
-    return levels[0].blurred and min(level.length for level in levels if level.paths) * levels[0].scale <= PATCH_REACH
 
 
 def _level(scene: Scene, settings: Settings) -> _Level | None:

@@ -142,14 +142,15 @@ def test_a_frame_at_rest_shows_a_short_path_or_one_that_explains_no_more() -> No
 @pytest.mark.parametrize(
     ("lengths", "searched", "judging"),
     [
-        ({1.0: 4.0, 0.5: 30.0}, [1.0, 0.5], 1.0),  # shown by the frame's own resolution, whatever half of it says
-        ({1.0: 45.0, 0.5: 20.0}, [1.0, 0.5, 0.25], 0.5),  # too long for its patches
-        ({0.5: 4.0}, [1.0, 0.5, 0.25], 0.5),  # not shown by it
+        ({1.0: 4.0, 0.5: 30.0}, [1.0, 0.5], 1.0),  # a few px, whatever half of the resolution says
+        ({1.0: 14.0, 0.5: 7.0}, [1.0, 0.5, 0.25], 0.5),  # that many at half of it
+        ({1.0: 14.0}, [1.0, 0.5], 1.0),  # which shows none
+        ({0.5: 4.0}, [1.0, 0.5, 0.25], 0.5),
         ({0.125: 9.0}, [1.0, 0.5, 0.25, 0.125], 0.125),
         ({}, [1.0, 0.5, 0.25, 0.125], None),
     ],
 )
-def test_a_large_frame_is_searched_at_the_finest_resolution_that_shows_its_blur(
+def test_a_large_frame_is_searched_where_its_blur_has_a_few_pixels(
     lengths: dict[float, float], searched: list[float], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The blur shows at some resolutions, and has so many px there."""
