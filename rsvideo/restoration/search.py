@@ -17,8 +17,9 @@ from rsvideo.restoration.focus import focus_value
 from rsvideo.restoration.refinement import focused, refine
 from rsvideo.restoration.scene import COARSE_REACH, LONG_REACH, TRIAL_COLS, WINDOW_COLS, Scene, halved, shrunk, spread
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.spectral_paths import LARGEST_SIDE, SHOWN, SpectralBelief, mirrored, spectral_paths
+from rsvideo.restoration.spectral_paths import LARGEST_SIDE, SpectralBelief, mirrored, spectral_paths
 
+SHOWN = 5.0  # px, that the longest blur keeps in a scene that is halved for its size
 SPECTRA = 0.5  # weight of the spectra's misfit beside f
 SHARPEST = 2  # paths in best focus that go on besides: f prefers short paths, and spectra may mislead; about the true path only is a dip
 LAST_STEPS, FINER_STEPS = 20, 8  # of the winner alone, by its focus: where a long blur still shows, and at each finer resolution

@@ -17,7 +17,7 @@ from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
 
 LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
 LEAST_DROP = 0.08  # by which the spectra's misfit must be lower than at rest, for a frame not to count as sharp
-LARGEST_SIDE, SHOWN = 960, 5.0  # px: a larger scene is halved as long as its longest blur keeps so many
+LARGEST_SIDE = 960  # px, of a scene that is searched at its own resolution and half of it only
 PLAIN = (
     6.0  # px of blur, that show well; where a frame that was halved for its size shows less, it is searched at twice the resolution, too
 )
@@ -78,7 +78,7 @@ class _Level:
     @property
     def drop(self) -> float:
         """By how much the misfit along the best path is lower than at rest."""
-        return self.belief.spectrum.drop(self.paths[0].trajectory)
+        return self.belief.spectrum.drop(self.paths[0].trajectory) if self.paths else 0.0
 
     @property
     def scale(self) -> float:
@@ -89,12 +89,12 @@ class _Level:
     def length(self) -> float:
         """Of the best path, in px of the whole frame."""
         scene = self.belief.spectrum.scene
-        return longest(scene.camera, scene.scaled(self.paths[0].trajectory)) / scene.scale
+        return longest(scene.camera, scene.scaled(self.paths[0].trajectory)) / self.scale
 
     @property
     def blurred(self) -> bool:
         """Whether the spectra are not those of a frame at rest."""
-        return bool(self.paths) and self.drop >= LEAST_DROP
+        return self.drop >= LEAST_DROP
 
 
 def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, list[Trajectory]] | None:
@@ -122,19 +122,20 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
 
 
 def _searched(scene: Scene, settings: Settings) -> list[_Level]:
-    """A resolution and half of it: those at which a large frame's blur has a few px, and else a frame's own.
+    """A resolution and half of it: of a large frame those at which its spectra show blur best, and of others their own.
 
-    Shorter blurs hide at half the resolution. Along longer ones blur differs within the parts whose spectra are averaged.
+    At half the resolution a short blur hides. At a large frame's own resolution softness and noise may hide any.
     """
-    level = _level(scene, settings)
-    while True:
-        smaller = halved(scene) if min(scene.frame.shape) >= 2 * SIDE else None
-        coarser = _level(smaller, settings) if smaller else None
-        short = level is not None and level.blurred and level.length * level.scale < 2 * SHOWN
-        alone = level is not None and level.blurred and not (coarser and coarser.blurred)
-        if smaller is None or max(scene.frame.shape) <= LARGEST_SIDE or short or alone:
-            return [each for each in (level, coarser) if each is not None]
-        scene, level = smaller, coarser
+    scenes = [scene]
+    while max(scenes[-1].frame.shape) > LARGEST_SIDE:
+        scenes.append(halved(scenes[-1]))
+    coarsest = len(scenes) - 1
+    if min(scenes[-1].frame.shape) >= 2 * SIDE:
+        scenes.append(halved(scenes[-1]))
+    levels = [_level(each, settings) for each in scenes]
+    shown = {k: level.drop for k, level in enumerate(levels[: coarsest + 1]) if level and level.blurred}
+    best = max(shown, key=shown.__getitem__, default=coarsest)
+    return [level for level in levels[best : best + 2] if level is not None]
 
 
 def _level(scene: Scene, settings: Settings) -> _Level | None:

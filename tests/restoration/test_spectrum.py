@@ -12,7 +12,6 @@ from rsvideo.physics.simulate import render
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, fit, path_error
 from rsvideo.restoration import spectral_paths as paths_room
 from rsvideo.restoration import spectrum as spectrum_room
-from rsvideo.restoration.extent import longest
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import mirrored, spectral_paths, turns
@@ -140,40 +139,32 @@ def test_a_frame_at_rest_shows_a_short_path_or_one_that_explains_no_more() -> No
 
 
 @pytest.mark.parametrize(
-    ("lengths", "searched", "judging"),
+    ("drops", "judging"),
     [
-        ({1.0: 4.0, 0.5: 30.0}, [1.0, 0.5], 1.0),  # a few px, whatever half of the resolution says
-        ({1.0: 14.0, 0.5: 7.0}, [1.0, 0.5, 0.25], 0.5),  # that many at half of it
-        ({1.0: 14.0}, [1.0, 0.5], 1.0),  # which shows none
-        ({0.5: 4.0}, [1.0, 0.5, 0.25], 0.5),
-        ({0.125: 9.0}, [1.0, 0.5, 0.25, 0.125], 0.125),
-        ({}, [1.0, 0.5, 0.25, 0.125], None),
+        ({1.0: 0.3, 0.5: 0.1, 0.25: 0.05}, 1.0),
+        ({1.0: 0.1, 0.5: 0.2, 0.25: 0.15, 0.125: 0.3}, 0.5),  # the last is there for long blurs, and judges where the others show none
+        ({1.0: 0.07, 0.5: 0.06, 0.25: 0.05, 0.125: 0.3}, 0.125),
+        ({1.0: 0.05, 0.5: 0.06, 0.25: 0.07, 0.125: 0.01}, None),
     ],
 )
-def test_a_large_frame_is_searched_where_its_blur_has_a_few_pixels(
-    lengths: dict[float, float], searched: list[float], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
+def test_a_large_frame_is_searched_where_its_spectra_show_blur_best(
+    drops: dict[float, float], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The blur shows at some resolutions, and has so many px there."""
     rows, cols = 4 * ROWS, 4 * COLS
     camera = Camera(timing=replace(TIMING, rows=rows), intrinsics=Intrinsics.centred(focal=cols, rows=rows, cols=cols))
     grey = fractal(np.random.default_rng(0), rows, cols).astype(np.float32)
-    large, even = replace(scene, frame=grey, valid=np.ones_like(grey), camera=camera), moved((1, 0, 0))
-    tried = []
+    large = replace(scene, frame=grey, valid=np.ones_like(grey), camera=camera)
 
     def level(at: Scene, _: Settings) -> paths_room._Level:
-        tried.append(at.scale)
-        path = even.with_coefficients(even.coefficients * lengths.get(at.scale, 0.1) / longest(at.camera, at.scaled(even)))
-        return paths_room._Level(
-            belief=paths_room.SpectralBelief(spectrum=spectrum_of(at)), paths=[paths_room.SpectralPath(trajectory=path, misfit=0.0)]
-        )
+        found = paths_room.SpectralPath(trajectory=moved((4, 0, 0)), misfit=0.0)
+        return paths_room._Level(belief=paths_room.SpectralBelief(spectrum=spectrum_of(at)), paths=[found])
 
-    monkeypatch.setattr(Spectrum, "drop", lambda self, _: 0.3 if self.scene.scale in lengths else 0.0)
+    monkeypatch.setattr(Spectrum, "drop", lambda self, _: drops.get(self.scene.scale, 0.0))
     monkeypatch.setattr(paths_room, "LARGEST_SIDE", COLS)
     monkeypatch.setattr(paths_room, "_level", level)
     monkeypatch.setattr(paths_room, "_turned", lambda *_: [])
     found = spectral_paths(large, Settings())
     assert found is not None
-    assert tried == searched
     assert (found[0].spectrum.scene.scale if found[1] else None) == judging
 
 
