@@ -12,6 +12,7 @@ from rsvideo.physics.simulate import render
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, fit, path_error
 from rsvideo.restoration import spectral_paths as paths_room
 from rsvideo.restoration import spectrum as spectrum_room
+from rsvideo.restoration.extent import longest
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import mirrored, spectral_paths, turns
@@ -139,16 +140,17 @@ def test_a_frame_at_rest_shows_a_short_path_or_one_that_explains_no_more() -> No
 
 
 @pytest.mark.parametrize(
-    ("drops", "judging"),
+    ("blurs", "judging"),
     [
-        ({1.0: 0.3, 0.5: 0.1, 0.25: 0.05}, 1.0),
-        ({1.0: 0.1, 0.5: 0.2, 0.25: 0.15, 0.125: 0.3}, 0.5),  # the last is there for long blurs, and judges where the others show none
-        ({1.0: 0.07, 0.5: 0.06, 0.25: 0.05, 0.125: 0.3}, 0.125),
-        ({1.0: 0.05, 0.5: 0.06, 0.25: 0.07, 0.125: 0.01}, None),
+        ({0.25: 9.0}, 0.25),  # plain where the search begins
+        ({0.25: 4.0, 0.5: 8.0}, 0.5),  # hardly shown there
+        ({1.0: 7.0}, 1.0),  # not shown before the frame's own resolution
+        ({}, None),
+        ({0.125: 20.0}, 0.125),
     ],
 )
-def test_a_large_frame_is_searched_where_its_spectra_show_blur_best(
-    drops: dict[float, float], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
+def test_a_large_frame_is_searched_at_finer_resolutions_until_its_blur_shows(
+    blurs: dict[float, float], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rows, cols = 4 * ROWS, 4 * COLS
     camera = Camera(timing=replace(TIMING, rows=rows), intrinsics=Intrinsics.centred(focal=cols, rows=rows, cols=cols))
@@ -156,10 +158,12 @@ def test_a_large_frame_is_searched_where_its_spectra_show_blur_best(
     large = replace(scene, frame=grey, valid=np.ones_like(grey), camera=camera)
 
     def level(at: Scene, _: Settings) -> paths_room._Level:
-        found = paths_room.SpectralPath(trajectory=moved((4, 0, 0)), misfit=0.0)
+        even = moved((1, 0, 0))
+        path = even.with_coefficients(even.coefficients * blurs.get(at.scale, 0.1) / longest(at.camera, at.scaled(even)))
+        found = paths_room.SpectralPath(trajectory=path, misfit=0.0)
         return paths_room._Level(belief=paths_room.SpectralBelief(spectrum=spectrum_of(at)), paths=[found])
 
-    monkeypatch.setattr(Spectrum, "drop", lambda self, _: drops.get(self.scene.scale, 0.0))
+    monkeypatch.setattr(Spectrum, "drop", lambda self, _: 0.3 if self.scene.scale in blurs else 0.0)
     monkeypatch.setattr(paths_room, "LARGEST_SIDE", COLS)
     monkeypatch.setattr(paths_room, "_level", level)
     monkeypatch.setattr(paths_room, "_turned", lambda *_: [])
