@@ -18,7 +18,7 @@ from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
 LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
 LEAST_DROP = 0.08  # by which the spectra's misfit must be lower than at rest, for a frame not to count as sharp
 LARGEST_SIDE = 960  # px, of a scene that is searched first; larger ones are halved
-PLAIN = 6.0  # px of blur that show well; where a frame that was halved for its size shows less, it is searched at twice the resolution, too
+PLAIN = 5.0  # px of blur that show well; where a frame that was halved for its size shows less, it is searched at twice the resolution, too
 PATCH_REACH = 34.0  # px; of longer blurs the coarser resolution judges, in whose patches they have room
 ALSO = 2  # paths of the other resolution are handed on
 TURN = 2.5  # px by which the ends of neighbouring ones lie apart, and at least
