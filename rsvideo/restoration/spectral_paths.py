@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -73,7 +74,7 @@ class _Level:
     belief: SpectralBelief
     paths: list[SpectralPath]  # best first
 
-    @property
+    @cached_property
     def drop(self) -> float:
         """By how much the misfit along the best path is lower than at rest."""
         return self.belief.spectrum.drop(self.paths[0].trajectory) if self.paths else 0.0
