@@ -3,7 +3,6 @@
 Nothing heavy is imported here: each command loads what it needs when it is called.
 """
 
-import gc
 import os
 import sys
 from typing import Annotated
@@ -61,6 +60,7 @@ def main() -> None:
     from rsvideo.allocation import keep_freed_memory
     from rsvideo.cli import exit_codes, quiet, terminal
 
+    last_exit = exit_codes.LastExit()
     keep_freed_memory()
     for library in ("OMP", "OPENBLAS", "MKL"):  # compiled kernels use the cores; threads within threads slow both
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
@@ -70,10 +70,11 @@ def main() -> None:
     exit_codes.listen()
     try:
         code = app(standalone_mode=False) or exit_codes.Code.DONE
+        terminal.flush()
     except (Exception, exit_codes.Stopped) as error:
         if not quiet.wanted() and not isinstance(error, exit_codes.Stopped):
             raise
         code, line = exit_codes.code_and_line(error)
         terminal.last_words(line)
-    gc.freeze()  # else Python searches at its end once more for what nothing refers to, which takes 0.3 s
+    last_exit.code = code
     sys.exit(code)

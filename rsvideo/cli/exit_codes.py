@@ -1,8 +1,11 @@
 """How the command ends: an exit code, and one line that says why."""
 
+import atexit
 import contextlib
 import enum
+import os
 import signal
+import sys
 from collections.abc import Iterable, Iterator
 from types import FrameType
 
@@ -39,6 +42,23 @@ class Stopped(BaseException):  # not an error, and no handler of errors may catc
     def __init__(self, number: int) -> None:
         super().__init__(number)
         self.number = number
+
+
+class LastExit:
+    """Ends the process with `code` after all else that is to happen at its end; make it first.
+
+    Python does not take itself down: a thread that comes back to it meanwhile from C++, such as OpenCV's, would abort it.
+    """
+
+    def __init__(self) -> None:
+        self.code: int = Code.FAILED
+        atexit.register(self._leave)
+
+    def _leave(self) -> None:
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError):
+                stream.flush()
+        os._exit(self.code)
 
 
 def listen() -> None:

@@ -47,6 +47,14 @@ def say(words: str) -> None:
     print(f"rsvideo: {printable(words)}", file=sys.stderr)
 
 
+def flush() -> None:
+    """Hand over what is left of standard output; OSError."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, "standard output") from error
+
+
 def last_words(words: str) -> None:
     """Why the command ends, if anybody is left to read it: after a SIGHUP the terminal may be gone."""
     try:

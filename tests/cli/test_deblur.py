@@ -170,3 +170,25 @@ def test_an_unexpected_failure_shows_no_traceback_unless_asked(tmp_path: Path, p
     done = subprocess.run(words, capture_output=True, text=True, check=False, env={"RSVIDEO_DEBUG": "1"})
     assert done.returncode == 1
     assert "Traceback" in done.stderr
+
+
+def test_a_thread_in_opencv_does_not_abort_the_end() -> None:
+    code = (
+        "import sys, threading, time, cv2, numpy as np\n"
+        "def work(pixels):\n"
+        "    while True: cv2.GaussianBlur(pixels, (31, 31), 3)\n"
+        "threading.Thread(target=work, args=(np.ones((300, 300), np.float32),), daemon=True).start()\n"
+        "time.sleep(0.2)\n"
+        "from rsvideo.cli import main\n"
+        "sys.argv = ['rsvideo', 'absent']\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "rsvideo: No such command 'absent'. (rsvideo --help lists what there is)\n")
+
+
+def test_standard_output_that_takes_nothing_is_named() -> None:
+    words = [sys.executable, "-c", "from rsvideo.cli import main; main()", "--version"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "rsvideo: standard output could not be written: No space left on device\n")
