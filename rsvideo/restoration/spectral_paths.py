@@ -1,7 +1,7 @@
 """The first trajectories of a frame: the paths that explain the power spectra of its patches best, each with its mirror image."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,8 +18,8 @@ from rsvideo.restoration.spectrum import SIDE, Spectrum, patches
 
 LENGTHS = 3.0, 5.0, 8.0, 12.0, 17.0, 24.0, 34.0  # px within an exposure, of the even motions that are tried first
 LEAST_DROP = 0.08  # by which the spectra's misfit must be lower than at rest, for a frame not to count as sharp
-LARGEST_SIDE = 960  # px, of a scene that is searched first; larger ones are halved
-PLAIN = 5.0  # px of blur that show well; where a frame that was halved for its size shows less, it is searched at twice the resolution, too
+LEAST_MOTION = 0.02  # the same beyond what softness explains, for a large frame's resolution to be chosen
+LARGEST_SIDE = 960  # px, of a scene whose own resolution is searched; larger ones are halved, too
 PATCH_REACH = 34.0  # px; of longer blurs the coarser resolution judges, in whose patches they have room
 ALSO = 2  # paths of the other resolution are handed on
 TURN = 2.5  # px by which the ends of neighbouring ones lie apart, and at least
@@ -79,6 +79,11 @@ class _Level:
         """By how much the misfit along the best path is lower than at rest."""
         return self.belief.spectrum.drop(self.paths[0].trajectory) if self.paths else 0.0
 
+    @cached_property
+    def motion(self) -> float:
+        """The same beyond what softness of the scene explains."""
+        return replace(self.belief.spectrum, soft=True).drop(self.paths[0].trajectory) if self.paths else 0.0
+
     @property
     def scale(self) -> float:
         """Of the resolution."""
@@ -121,20 +126,21 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
 
 
 def _searched(scene: Scene, settings: Settings) -> list[_Level]:
-    """A resolution and half of it: the first of LARGEST_SIDE px or fewer, and finer ones where a large frame hardly shows blur there.
+    """A resolution and half of it: of a large frame those at which its spectra show motion best, and of others their own.
 
-    At half the resolution a short blur hides. At a large frame's own resolution softness may look like blur.
+    At half the resolution a short blur hides. At a large frame's own resolution softness looks like blur, or noise hides any.
     """
-    finer: list[Scene] = []
-    while max(scene.frame.shape) > LARGEST_SIDE:
-        finer.append(scene)
-        scene = halved(scene)
-    scenes = [scene, halved(scene)] if min(scene.frame.shape) >= 2 * SIDE else [scene]
-    searched = [level for each in scenes if (level := _level(each, settings)) is not None]
-    while finer and not any(level.blurred and level.length * level.scale >= PLAIN for level in searched):
-        if (level := _level(finer.pop(), settings)) is not None:
-            searched = [level, *searched[:1]]
-    return searched
+    scenes = [scene]
+    while max(scenes[-1].frame.shape) > LARGEST_SIDE:
+        scenes.append(halved(scenes[-1]))
+    coarsest = len(scenes) - 1
+    if min(scenes[-1].frame.shape) >= 2 * SIDE:
+        scenes.append(halved(scenes[-1]))
+    levels = [_level(each, settings) for each in scenes]
+    blurred = {k: level for k, level in enumerate(levels[: coarsest + 1]) if level and level.blurred}
+    shown = {k: level.motion for k, level in blurred.items() if level.motion > LEAST_MOTION}
+    best = max(shown, key=shown.__getitem__, default=coarsest)
+    return [level for level in levels[best : best + 2] if level is not None]
 
 
 def _level(scene: Scene, settings: Settings) -> _Level | None:

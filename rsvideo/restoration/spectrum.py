@@ -8,8 +8,10 @@ the PSF, which is dark where the blur leaves nothing. So a patch about scanline 
 with the noise's power n, and the misfit of a path is the mean over frequencies of log M + S / M, S being what is observed (Whittle
 1953). The beta_r are fitted for every path by Newton's method. To integrate the latent image out, rather than to choose the best one,
 is what keeps short paths from being preferred (Levin et al., CVPR 2009, "Understanding and evaluating blind deconvolution
-algorithms"); that spectra alone show motion blur is due to Goldstein & Fattal (ECCV 2012). Power has no phase: a path and its
-mirror image, which is the same line run backwards, are alike here, and the sparsity f has to tell them apart.
+algorithms"). Where `soft` is set, phi has -|w|^2 besides: softness, as focus, lenses and enlarging leave it, is alike in all
+directions, and motion blur is not; what a path explains beyond it is motion. That spectra alone show motion blur is due to
+Goldstein & Fattal (ECCV 2012). Power has no phase: a path and its mirror image, which is the same line run backwards, are alike
+here, and the sparsity f has to tell them apart.
 """
 
 from dataclasses import dataclass, field
@@ -41,6 +43,7 @@ LINES = -14.0, 0.0, 14.0  # scanlines about a part's middle that stand for it
 FALL, FALL_SPREAD = -1.1, 0.25  # of log |w|^2, and its standard deviation; photographs' falls with -1.7 +- 0.35 in patches that count,
 # which leads to better first paths, and to no more right ones after the race
 DIRECTED = 0.3  # standard deviation of how much the power prefers directions
+SOFT = 1.0  # px^2, the same of softness; from 0.4 to 2.5 little differs
 BELIEF = 5e-3  # weight of what is believed of the beta, beside a frequency's likelihood
 STEPS = 9  # of Newton's method for the beta, at most
 LEAST_CURVATURE = 0.1  # of its expectation, which a frequency's curvature in beta . phi counts for at least
@@ -123,6 +126,7 @@ class Spectrum:
     scene: Scene
     patches: Patches
     curve: Trajectory  # of the kind, whatever its coefficients
+    soft: bool = False  # whether the scene may be soft beside the path
     basis: Float[np.ndarray, "lines samples terms"] = field(init=False)  # about each scanline's mean, without the constant
     levers: Float[np.ndarray, "lines 2 axes"] = field(init=False)
     beside: Float[np.ndarray, "lines samples 2"] | float = field(init=False)  # px, what the scene's flow adds to a path
@@ -157,7 +161,7 @@ class Spectrum:
         ey, ex = _waves(q[..., 1], _DOWN), _waves(q[..., 0], _ACROSS)
         k = np.matmul(ey.swapaxes(-1, -2), ex) / SAMPLES
         dark = (k.real**2 + k.imag**2).reshape(-1, len(LINES), *k.shape[1:]).mean(axis=1) + LEAK
-        value, by_power = _whittle(self.counted, self.patches.weight, dark)
+        value, by_power = _whittle(self.counted, self.patches.weight, dark, soft=self.soft)
         if not slope:
             return value, np.zeros_like(coefficients)
         shared = np.repeat(by_power, len(LINES), axis=0) * k.conj() * (2 / SAMPLES / len(LINES))
@@ -190,7 +194,7 @@ def _features() -> tuple[Float[np.ndarray, "features all"], Float[np.ndarray, "n
     fall = 2 * np.log(np.maximum(_MAGNITUDE, _ACROSS[1] / 2))
     periods = _MAGNITUDE / _ACROSS[1]
     times = ((periods > LOWEST) & (periods < HIGHEST / _ACROSS[1])) * np.where(_ACROSS == 0, 1.0, 2.0)
-    features = np.array([np.ones_like(fall), fall, np.cos(2 * angle), np.sin(2 * angle), np.cos(4 * angle)])
+    features = np.array([np.ones_like(fall), fall, np.cos(2 * angle), np.sin(2 * angle), np.cos(4 * angle), -(_MAGNITUDE**2)])
     return features.reshape(len(features), -1).astype(np.float32), times.astype(np.float32)
 
 
@@ -201,7 +205,7 @@ _TAKEN = np.concatenate([_COUNTED, np.full(_SPARE, _COUNTED[0])])  # the frequen
 _COUNT = np.concatenate([_TIMES.ravel()[_COUNTED], np.zeros(_SPARE, np.float32)])  # where it does not count
 _WHOLE = _COUNT.sum()
 _PHI = np.ascontiguousarray(_FEATURES[:, _TAKEN])
-_PAIRS = (_PHI[:, None] * _PHI).reshape(-1, len(_TAKEN))
+_PAIRS = _PHI[:, None] * _PHI
 _LEAST_LEVEL = 1e-12  # of a signal: log is taken of it
 
 
@@ -214,13 +218,16 @@ def _whittle(
     observed: tuple[Float[np.ndarray, "parts taken"], Float[np.ndarray, " parts"]],
     weight: Float[np.ndarray, " parts"],
     dark: Float[np.ndarray, "parts n half"],
+    *,
+    soft: bool,
 ) -> tuple[float, Float[np.ndarray, "parts n half"]]:
     """The misfit for |k|^2 = `dark`, the betas at their best, and its derivative in `dark`."""
     power, noise = observed
     misfit, slope = np.empty(len(power)), np.empty_like(power)
-    mean = np.array([0.0, FALL, 0.0, 0.0, 0.0])
-    stiffness = BELIEF * np.array([0.0, FALL_SPREAD**-2, DIRECTED**-2, DIRECTED**-2, DIRECTED**-2])
-    model = (_PHI.ravel(), _PAIRS.ravel(), _COUNT, _WHOLE, mean, stiffness)
+    some = len(_PHI) if soft else len(_PHI) - 1
+    mean = np.array([0.0, FALL, 0.0, 0.0, 0.0, 0.0])[:some]
+    stiffness = BELIEF * np.array([0.0, FALL_SPREAD**-2, DIRECTED**-2, DIRECTED**-2, DIRECTED**-2, SOFT**-2])[:some]
+    model = (_PHI[:some].ravel(), _PAIRS[:some, :some].ravel(), _COUNT, _WHOLE, mean, stiffness)
     flat = (power.ravel(), noise, _counted(dark).ravel(), *model, misfit, slope.ravel())
     spread(_fitted, len(power), *flat)
     by_dark = np.zeros((len(dark), dark[0].size), np.float32)

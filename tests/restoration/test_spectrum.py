@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.noise import Noise
@@ -12,7 +13,6 @@ from rsvideo.physics.simulate import render
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred, fit, path_error
 from rsvideo.restoration import spectral_paths as paths_room
 from rsvideo.restoration import spectrum as spectrum_room
-from rsvideo.restoration.extent import longest
 from rsvideo.restoration.scene import Scene, halved
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.spectral_paths import mirrored, spectral_paths, turns
@@ -140,17 +140,20 @@ def test_a_frame_at_rest_shows_a_short_path_or_one_that_explains_no_more() -> No
 
 
 @pytest.mark.parametrize(
-    ("blurs", "judging"),
+    ("shown", "judging"),  # the falls of the misfit, and those beyond softness, at each resolution
     [
-        ({0.25: 9.0}, 0.25),  # plain where the search begins
-        ({0.25: 4.0, 0.5: 8.0}, 0.5),  # hardly shown there
-        ({1.0: 7.0}, 1.0),  # not shown before the frame's own resolution
+        ({0.25: (0.3, 0.2)}, 0.25),
+        ({1.0: (0.2, 0.1), 0.5: (0.3, 0.2), 0.25: (0.2, 0.1)}, 0.5),
+        ({1.0: (0.3, 0.2)}, 1.0),  # a short blur, which half the resolution hides
+        ({1.0: (0.3, 0.01), 0.25: (0.1, 0.05)}, 0.25),  # softness falls most at the frame's own
+        ({1.0: (0.3, 0.01)}, None),
+        ({1.0: (0.05, 0.04)}, None),
         ({}, None),
-        ({0.125: 20.0}, 0.125),
+        ({0.125: (0.2, 0.1)}, 0.125),
     ],
 )
-def test_a_large_frame_is_searched_at_finer_resolutions_until_its_blur_shows(
-    blurs: dict[float, float], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
+def test_a_large_frame_is_searched_where_its_spectra_show_motion_best(
+    shown: dict[float, tuple[float, float]], judging: float | None, scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rows, cols = 4 * ROWS, 4 * COLS
     camera = Camera(timing=replace(TIMING, rows=rows), intrinsics=Intrinsics.centred(focal=cols, rows=rows, cols=cols))
@@ -158,18 +161,26 @@ def test_a_large_frame_is_searched_at_finer_resolutions_until_its_blur_shows(
     large = replace(scene, frame=grey, valid=np.ones_like(grey), camera=camera)
 
     def level(at: Scene, _: Settings) -> paths_room._Level:
-        even = moved((1, 0, 0))
-        path = even.with_coefficients(even.coefficients * blurs.get(at.scale, 0.1) / longest(at.camera, at.scaled(even)))
-        found = paths_room.SpectralPath(trajectory=path, misfit=0.0)
+        found = paths_room.SpectralPath(trajectory=moved((0.1, 0, 0)), misfit=0.0)
         return paths_room._Level(belief=paths_room.SpectralBelief(spectrum=spectrum_of(at)), paths=[found])
 
-    monkeypatch.setattr(Spectrum, "drop", lambda self, _: 0.3 if self.scene.scale in blurs else 0.0)
+    monkeypatch.setattr(Spectrum, "drop", lambda self, _: shown.get(self.scene.scale, (0.0, 0.0))[self.soft])
     monkeypatch.setattr(paths_room, "LARGEST_SIDE", COLS)
     monkeypatch.setattr(paths_room, "_level", level)
     monkeypatch.setattr(paths_room, "_turned", lambda *_: [])
     found = spectral_paths(large, Settings())
     assert found is not None
     assert (found[0].spectrum.scene.scale if found[1] else None) == judging
+
+
+def test_softness_explains_what_focus_leaves_and_not_what_motion_does(scene: Scene) -> None:
+    at_rest = taken(moved((0, 0, 0)))
+    soft = replace(at_rest, frame=gaussian_filter(at_rest.frame, 1.2))
+    for each, least, most in ((soft, -0.3, 0.3), (scene, 0.7, 1.0)):
+        level = paths_room._level(each, Settings())
+        assert level is not None
+        assert level.blurred
+        assert least * level.drop < level.motion < most * level.drop
 
 
 def test_a_frame_without_texture_or_smaller_than_a_patch_has_no_spectra(scene: Scene) -> None:
