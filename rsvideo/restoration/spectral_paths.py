@@ -128,7 +128,7 @@ def spectral_paths(scene: Scene, settings: Settings) -> tuple[SpectralBelief, li
 def _searched(scene: Scene, settings: Settings) -> list[_Level]:
     """A resolution and half of it: of a large frame those at which its spectra show motion best, and of others their own.
 
-    At half the resolution a short blur hides. At a large frame's own resolution softness looks like blur, or noise hides any.
+    At half the resolution a short blur hides. At a large frame's own resolution softness resembles blur, or noise hides any.
     """
     scenes = [scene]
     while max(scenes[-1].frame.shape) > LARGEST_SIDE:
