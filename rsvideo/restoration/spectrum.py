@@ -224,7 +224,7 @@ def _whittle(
     """The misfit for |k|^2 = `dark`, the betas at their best, and its derivative in `dark`."""
     power, noise = observed
     misfit, slope = np.empty(len(power)), np.empty_like(power)
-    some = len(_PHI) if soft else len(_PHI) - 1
+    some = len(_PHI) if soft else len(_PHI) - 1  # softness is the last of phi
     mean = np.array([0.0, FALL, 0.0, 0.0, 0.0, 0.0])[:some]
     stiffness = BELIEF * np.array([0.0, FALL_SPREAD**-2, DIRECTED**-2, DIRECTED**-2, DIRECTED**-2, SOFT**-2])[:some]
     model = (_PHI[:some].ravel(), _PAIRS[:some, :some].ravel(), _COUNT, _WHOLE, mean, stiffness)
