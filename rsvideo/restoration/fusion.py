@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 
 from rsvideo import threads
 from rsvideo.physics.camera import Intrinsics, resampled_at
+from rsvideo.physics.channels import least_channel
 from rsvideo.physics.luminance import LIFT
 from rsvideo.restoration import alignment, device_frame
 from rsvideo.restoration.alignment import axes, grey, misaligned, sampled, softened
@@ -87,7 +88,7 @@ def fused(
     if frame.device == "cuda":
         return _fused_there(frame, first, others, intrinsics, noise, weights)
     pixels, valid = frame.observed()
-    observed, unclipped = grey(pixels), valid.min(axis=2)
+    observed, unclipped = grey(pixels), least_channel(valid)
 
     def misfit(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
         return cv2.boxFilter(unclipped * (frame.blurred(grey(image)) - observed) ** 2, -1, (PATCH, PATCH))

@@ -19,6 +19,7 @@ from jaxtyping import Bool, Float
 from rsvideo import threads
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
+from rsvideo.physics.channels import least_channel
 from rsvideo.physics.luminance import LIFT
 from rsvideo.physics.row_fourier import Extent, Grid, RowFourier, extent, row_fourier
 from rsvideo.physics.tiles import Tile
@@ -164,7 +165,7 @@ class TiledFrame:
 
     def covered(self) -> Float[np.ndarray, "rows cols"]:
         """K^T 1 over what is data in all channels: how much of each latent pixel's light was observed, 1 where all of it was."""
-        data = self.valid.min(axis=2)
+        data = least_channel(self.valid)
         out = np.empty_like(data)
 
         def cover(tile: Tile, system: TileSystem) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rsvideo.physics.camera import Camera
+from rsvideo.physics.channels import any_channel
 from rsvideo.physics.luminance import luminance
 from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.tiles import Tile, split
@@ -114,7 +115,7 @@ def scene_of(view: View, settings: Settings, flow: Flow | None = None) -> Scene:
     grey = luminance(view.pixels)
     white = max(float(np.percentile(grey, WHITE)), DARKEST_WHITE)
     normalised = np.minimum(grey / white, 1).astype(np.float32)
-    valid = ~(view.clipped.any(axis=2) | (grey >= white))
+    valid = ~(any_channel(view.clipped) | (grey >= white))
     return Scene(
         frame=normalised,
         valid=valid.astype(np.float32),

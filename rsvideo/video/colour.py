@@ -17,6 +17,7 @@ from numba import njit
 from rsvideo.physics import tone
 from rsvideo.physics.luminance import BT709_WEIGHTS
 from rsvideo.physics.tone import Tone
+from rsvideo.threads import loop, spread
 from rsvideo.video.stream import Colour, Matrix, Picture
 
 Light = Float32[np.ndarray, "rows cols channels"]  # 3, or 1 of a grey picture
@@ -33,13 +34,19 @@ def light(picture: Picture, colour: Colour) -> tuple[Light, Bool[np.ndarray, "ro
         planes = np.stack(picture.planes, axis=-1).astype(np.float32)
         return np.clip(np.nan_to_num(planes, nan=0.0), 0, 1), planes >= 1
     primed = _primed(picture, colour)
-    return _linear(primed, colour), _clipped(primed, colour)
+    shape = (*primed[0].shape, len(primed))
+    pixels, clipped = np.empty(shape, np.float32), np.empty(shape, bool)
+    table, scale = _of(colour)[0], np.float32(_ENTRIES / _highest(colour))
+    for k, part in enumerate(primed):
+        spread(_lit, len(part), part, table, scale, *_full(colour), pixels[..., k], clipped[..., k])
+    return pixels, clipped
 
 
 def load(colour: Colour) -> None:
     """Make tables and compiled code ready for `light`, which takes the first of them a third of a second."""
     if not colour.floating:
-        _linear(np.zeros((1, 1, 1), np.float32), colour)
+        black = np.zeros((1, 1), np.float32)
+        _lit(0, 1, black, _of(colour)[0], np.float32(1), *_full(colour), *(np.zeros((1, 1, 1), kind)[..., 0] for kind in (np.float32, bool)))
 
 
 def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
@@ -47,7 +54,7 @@ def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
     before = light(picture, colour)[0]
     if colour.floating:
         return replace(picture, planes=tuple(p + (pixels - before)[..., k] for k, p in enumerate(picture.planes)))
-    change = _mixed(_coded(pixels, colour) - _coded(before, colour), colour)
+    change = _mixed([now - then for now, then in zip(_coded(pixels, colour), _coded(before, colour), strict=True)], colour)
     return replace(picture, planes=tuple(_rounded(p + d, colour) for p, d in zip(picture.planes, change, strict=True)))
 
 
@@ -99,20 +106,19 @@ def _nominal(plane: np.ndarray, k: int, colour: Colour) -> np.ndarray:
     return (plane.astype(np.float32) - _zero(k, colour)) * (np.float32(1) / _span(k, colour))
 
 
-def _primed(picture: Picture, colour: Colour) -> np.ndarray:
-    """R'G'B' (or grey) of the codes: 0 black, 1 nominal white."""
+def _primed(picture: Picture, colour: Colour) -> list[np.ndarray]:
+    """R', G' and B' (or grey) of the codes: 0 black, 1 nominal white."""
     parts = [_nominal(plane, k, colour) for k, plane in enumerate(picture.planes)]
     if colour.matrix is not Matrix.RGB and len(parts) == 3:
         kr, kb = _KR_KB[colour.matrix]
         y, cb, cr = parts[0], *(_fine(c, parts[0].shape, colour.chroma_shift) for c in parts[1:])
         red, blue = y + np.float32(2 * (1 - kr)) * cr, y + np.float32(2 * (1 - kb)) * cb
         parts = [red, (y - np.float32(kr) * red - np.float32(kb) * blue) * np.float32(1 / (1 - kr - kb)), blue]
-    return np.stack(parts, axis=-1)
+    return parts
 
 
-def _mixed(primed: np.ndarray, colour: Colour) -> list[np.ndarray]:
-    """Planes in steps of codes, without the code of zero, that R'G'B' makes; linear."""
-    parts = [primed[..., k] for k in range(primed.shape[-1])]
+def _mixed(parts: list[np.ndarray], colour: Colour) -> list[np.ndarray]:
+    """Planes in steps of codes, without the code of zero, that R', G' and B' make; linear."""
     if colour.matrix is not Matrix.RGB and len(parts) == 3:
         kr, kb = _KR_KB[colour.matrix]
         y = np.float32(kr) * parts[0] + np.float32(1 - kr - kb) * parts[1] + np.float32(kb) * parts[2]
@@ -133,11 +139,17 @@ def _fine(c: np.ndarray, shape: tuple[int, ...], shift: tuple[int, int]) -> np.n
     """Chroma at every luma sample: sited with the left column, and midway between two rows (H.264's and HEVC's default)."""
     rows, cols = shape
     for _ in range(shift[0]):
-        above, below = np.concatenate([c[:1], c[:-1]]), np.concatenate([c[1:], c[-1:]])
-        c = np.stack([0.75 * c + 0.25 * above, 0.75 * c + 0.25 * below], axis=1).reshape(-1, c.shape[1])
+        quarter, c, coarse = 0.25 * c, np.empty((2 * len(c), c.shape[1]), np.float32), 0.75 * c
+        c[::2], c[1::2] = coarse, coarse
+        c[:1] += quarter[:1]
+        c[2::2] += quarter[:-1]
+        c[1:-1:2] += quarter[1:]
+        c[-1:] += quarter[-1:]
     for _ in range(shift[1]):
-        right = np.concatenate([c[:, 1:], c[:, -1:]], axis=1)
-        c = np.stack([c, 0.5 * (c + right)], axis=2).reshape(c.shape[0], -1)
+        coarse, c = c, np.empty((len(c), 2 * c.shape[1]), np.float32)
+        c[:, ::2] = coarse
+        c[:, 1:-1:2] = 0.5 * (coarse[:, :-1] + coarse[:, 1:])
+        c[:, -1:] = coarse[:, -1:]
     return c[:rows, :cols]
 
 
@@ -191,39 +203,53 @@ def _of(colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     return _tables(colour.transfer, *_scale(colour), _highest(colour))
 
 
-def _linear(primed: np.ndarray, colour: Colour) -> np.ndarray:
-    return _looked_up(primed, _of(colour)[0], np.float32(_ENTRIES / _highest(colour)))
+def _coded(pixels: np.ndarray, colour: Colour) -> list[np.ndarray]:
+    """R', G' and B' of light, each by itself."""
+    table, parts = _of(colour)[1], [np.empty(pixels.shape[:2], np.float32) for _ in range(pixels.shape[2])]
+    for k, part in enumerate(parts):
+        spread(_primed_by, len(part), pixels[..., k], table, np.float32(_ENTRIES), part)
+    return parts
 
 
-def _coded(pixels: np.ndarray, colour: Colour) -> np.ndarray:
-    return _looked_up(np.sqrt(np.sqrt(np.maximum(pixels, 0))), _of(colour)[1], np.float32(_ENTRIES))
-
-
-def _clipped(primed: np.ndarray, colour: Colour) -> np.ndarray:
+def _full(colour: Colour) -> tuple[np.float32, np.float32, np.float32]:
+    """From which R'G'B' on the camera was full; and between which two, as a codec leaves a plateau at nominal white."""
     step = 1 / 255 if colour.full_range else 1 / 219
     if colour.depth > 8:
         step /= 2
     above_white = not (colour.full_range or colour.transfer.logarithmic)  # codes beyond nominal white
     below = _SUPERWHITE if above_white else _BELOW
-    full = primed >= (_highest(colour) - below * step if colour.saturation is None else colour.saturation)
-    if not above_white:
-        return full
-    return full | ((primed >= 1 - _BELOW * step) & (primed <= 1 + _ABOVE * step))
+    full = _highest(colour) - below * step if colour.saturation is None else colour.saturation
+    low, high = (1 - _BELOW * step, 1 + _ABOVE * step) if above_white else (np.inf, np.inf)
+    return np.float32(full), np.float32(low), np.float32(high)
+
+
+@no_type_check
+@loop(fastmath=False)
+def _lit(first, last, primed, table, scale, full, low, high, light, clipped):
+    """Light by a table, and whether the camera was full."""
+    for i in range(first, last):
+        for j in range(primed.shape[1]):
+            value = primed[i, j]
+            light[i, j] = _entry(table, value * scale)
+            clipped[i, j] = value >= full or low <= value <= high
+
+
+@no_type_check
+@loop(fastmath=False)
+def _primed_by(first, last, light, table, scale, primed):
+    """R'G'B' by a table over the fourth root of light."""
+    for i in range(first, last):
+        for j in range(light.shape[1]):
+            root = np.sqrt(np.sqrt(light[i, j])) if light[i, j] > 0 else np.float32(0)
+            primed[i, j] = _entry(table, root * scale)
 
 
 @no_type_check
 @njit(cache=True)
-def _looked_up(values, table, scale):
-    """Linear interpolation between the entries of a table; ends hold beyond them."""
-    flat, out, last = values.reshape(-1), np.empty(values.size, np.float32), len(table) - 1
-    for i in range(len(flat)):
-        at = flat[i] * scale
-        if at > 0:
-            k = int(min(at, np.float32(last)))
-            if k >= last:
-                out[i] = table[last]
-            else:
-                out[i] = table[k] + (at - np.float32(k)) * (table[k + 1] - table[k])
-        else:
-            out[i] = table[0]  # NaN too
-    return out.reshape(values.shape)
+def _entry(table, at):
+    """Of a table, interpolated between two; the first and the last hold beyond it, the first for NaN too."""
+    last = len(table) - 1
+    if not at > 0:
+        return table[0]
+    k = int(min(at, np.float32(last)))
+    return table[last] if k >= last else table[k] + (at - np.float32(k)) * (table[k + 1] - table[k])
