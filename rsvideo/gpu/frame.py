@@ -51,28 +51,27 @@ class System:
     def of(
         offsets: Float32[np.ndarray, "tiles rows samples 2"], reach: Extent, frames: Sequence[Array], valid: Sequence[Array]
     ) -> "System":
-        """Of tiles (channels, rows, cols) whose scanlines sample the latent image at `offsets`."""
-        op = row_fourier(offsets, reach)
+        """Of tiles (channels, rows, cols), all here or all on the device, whose scanlines sample the latent image at `offsets`."""
+        op, at = row_fourier(offsets, reach), np if isinstance(frames[0], np.ndarray) else xp
         shape = (len(frames), *frames[0].shape[:2], op.period)
-        frame, data, least = xp.zeros(shape, xp.float32), xp.zeros(shape, bool), xp.full(shape, -np.inf, xp.float32)
+        frame, data, least = at.zeros(shape, np.float32), at.zeros(shape, bool), at.full(shape, -np.inf, np.float32)
         for t, (pixels, observed) in enumerate(zip(frames, valid, strict=True)):
             columns = slice(op.left, op.left + pixels.shape[2])
             frame[t, ..., columns] = least[t, ..., columns] = pixels
             data[t, ..., columns] = observed
         widths = tuple(pixels.shape[2] for pixels in frames)
+        frame, data, least = map(xp.asarray, (frame, data, least))
         return System(op=op, normal=BandedHermitian(band=op.gram()), widths=widths, frame=frame, data=data, least=least)
 
     def completed(self) -> Array:
-        """The frame, its sides joined smoothly."""
-        op, out = self.op, self.frame.copy()
-        for t, width in enumerate(self.widths):
-            ramp = xp.linspace(0, 1, op.period - width + 2, dtype=xp.float32)[1:-1]
-            first, last = out[t, ..., op.left : op.left + 1], out[t, ..., op.left + width - 1 : op.left + width]
-            joined = last * (1 - ramp) + first * ramp
-            right = op.period - op.left - width  # columns of the ramp on the right; the others lie on the left
-            out[t, ..., op.left + width :] = joined[..., :right]
-            out[t, ..., : op.left] = joined[..., right:]
-        return out
+        """The frame, its sides joined smoothly: beyond the last column linearly to the first one, about the period."""
+        op, widths = self.op, np.array(self.widths)[:, None]
+        beyond = (np.arange(op.period) - op.left - widths) % op.period + 1  # columns behind the last one
+        ramp = (beyond / (op.period - widths + 1)).astype(np.float32)
+        ramp, own = (xp.asarray(each[:, None, None]) for each in (ramp, beyond > op.period - widths))
+        last = self.frame[np.arange(len(widths)), ..., op.left + widths[:, 0] - 1][..., None]
+        first = self.frame[..., op.left : op.left + 1]
+        return xp.where(own, self.frame, last * (1 - ramp) + first * ramp)
 
     def complete(self, blurred: Array, before: Array | None = None, ahead: float = 0.0) -> Array:
         """The frame where it is data, elsewhere K l and `ahead` times its step from `before`; a clipped pixel is at least as it reads."""

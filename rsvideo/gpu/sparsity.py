@@ -5,6 +5,7 @@ m = M^-1 f'(l) and r = b - K l, the change <dK m, r> - <K m, dK l> with each pat
 """
 
 import math
+from collections.abc import Sequence
 from typing import no_type_check
 
 import numpy as np
@@ -84,9 +85,8 @@ class Eliminated:
         completions: int,
     ) -> None:
         reach = extent(offsets, max(frame.shape[1] for frame in frames))
-        self.frames = [xp.asarray(np.ascontiguousarray(frame)) for frame in frames]
-        self._system = System.of(offsets, reach, [frame[None] for frame in self.frames], [xp.asarray(v > 0)[None] for v in valid])
-        op = self._system.op
+        self._system = System.of(offsets, reach, [frame[None] for frame in frames], [v[None] > 0 for v in valid])
+        op, self.widths = self._system.op, self._system.widths
         self._factor = self._system.factor(ridge, floor)
         self._data = self._system.completed()
         self._latent = self._factor.solve(op.adjoint(op.spectrum(self._data)))
@@ -95,23 +95,18 @@ class Eliminated:
             self._data = self._system.complete(self._blurred)
             self._latent = self._factor.solve(op.adjoint(op.spectrum(self._data)))
             self._blurred = op.image(op.forward(self._latent))
-        self._images = op.image(self._latent)
-        self.slopes = xp.zeros_like(self._images)  # f'(l), which whoever measures writes
-
-    def image(self, tile: int) -> Array:
-        """A tile's latent image on its own pixels."""
-        return self._own(self._images, tile)
-
-    def slope(self, tile: int) -> Array:
-        """The part of `slopes` that belongs to them."""
-        return self._own(self.slopes, tile)
+        self._whole = op.image(self._latent)
+        self._slope = xp.zeros_like(self._whole)  # f'(l)
+        columns, rows = slice(op.left, op.left + max(self.widths)), slice(op.top, op.top + op.rows)
+        self.frames = self._system.frame[:, 0, :, columns]
+        self.images, self.slopes = self._whole[:, 0, rows, columns], self._slope[:, 0, rows, columns]
 
     def derivative(self) -> Float[np.ndarray, "tiles rows samples 2"]:
         """Of f in every path sample's displacement, where `slopes` holds f'(l)."""
         op = self._system.op
-        m = self._factor.solve(op.spectrum(self.slopes))
+        m = self._factor.solve(op.spectrum(self._slope))
         along = xp.asarray((2j * np.pi / op.period * np.arange(op.frequencies)).astype(np.complex64))
-        images = op.image(m), op.image(m * along), self._images, op.image(self._latent * along)
+        images = op.image(m), op.image(m * along), self._whole, op.image(self._latent * along)
         out = xp.empty(op.offsets.shape, xp.float32)
         tiles, rows, samples, _ = op.offsets.shape
         launch(
@@ -122,24 +117,26 @@ class Eliminated:
             self._data - self._blurred,
             op.image(op.forward(m)),
             op.offsets,
-            xp.asarray(np.array(self._system.widths, np.int32)),
+            xp.asarray(np.array(self.widths, np.int32)),
             op.top,
             op.left,
             out,
         )
         return to_host(out)
 
-    def _own(self, whole: Array, tile: int) -> Array:
-        op = self._system.op
-        return whole[tile, 0, op.top : op.top + op.rows, op.left : op.left + self._system.widths[tile]]
 
-
-def box(image: Array, window: int) -> Array:
-    """The mean over a window, odd, about each pixel; 0 beyond the image."""
-    rows, cols = image.shape
-    for length, step in ((rows, cols), (cols, 1)):
-        flat, means = xp.ascontiguousarray(image, xp.float32).reshape(-1), xp.empty(image.size, xp.float32)
+def box(images: Array, window: int) -> Array:
+    """The mean over a window, odd, about each pixel of (..., rows, cols); 0 beyond each image."""
+    shape = images.shape
+    for length, step in ((shape[-2], shape[-1]), (shape[-1], 1)):
+        flat, means = xp.ascontiguousarray(images, xp.float32).reshape(-1), xp.empty(images.size, xp.float32)
         how = length, step, window // 2, xp.float32(1 / window)
-        launch(_means, (blocks_of(image.size, _THREADS),), (_THREADS,), flat, *how, means)
-        image = means.reshape(rows, cols)
-    return image
+        launch(_means, (blocks_of(images.size, _THREADS),), (_THREADS,), flat, *how, means)
+        images = means.reshape(shape)
+    return images
+
+
+def inside(widths: Sequence[int], rows: int, cols: int) -> Array:
+    """1 within so many columns of each image, (images, rows, cols), 0 beyond."""
+    of_columns = np.arange(cols) < np.array(widths)[:, None]
+    return xp.repeat(xp.asarray(of_columns[:, None].astype(np.float32)), rows, axis=1)

@@ -53,7 +53,7 @@ def _coarse_noise(image: Float[np.ndarray, "rows cols"]) -> float:
         return 0.0
     blocks = _blocks(image, BLOCK // 2)
     window = np.outer(np.hanning(BLOCK), np.hanning(BLOCK)).astype(np.float32)
-    spectra = np.abs(fft.rfft2((blocks - blocks.mean(axis=(1, 2), keepdims=True)) * window)) ** 2 / (window**2).sum()
+    spectra = np.abs(np.asarray(fft.rfft2((blocks - blocks.mean(axis=(1, 2), keepdims=True)) * window))) ** 2 / (window**2).sum()
     y, x = fft.fftfreq(BLOCK)[:, None], fft.rfftfreq(BLOCK)
     ring = (np.hypot(x, y) > 1 / LONGEST_WAVE) & (np.hypot(x, y) < 1 / SHORTEST_WAVE)
     sector = np.round(np.arctan2(y, x) * SECTORS / np.pi).astype(int) % SECTORS

@@ -79,15 +79,10 @@ class BlurredFrame(Protocol):
 class Eliminated(Protocol):
     """The latent images of a scene's tiles as functions of its trajectory, on a GPU (`rsvideo.gpu.sparsity`)."""
 
-    frames: list[Any]  # the tiles' blurred frames, (rows, cols)
-
-    def image(self, tile: int) -> Any:
-        """A tile's latent image on its own pixels."""
-        ...
-
-    def slope(self, tile: int) -> Any:
-        """Where the derivative of a measure in that image is to be written."""
-        ...
+    widths: tuple[int, ...]  # columns of each tile; beyond them, what follows shows nothing of it
+    frames: Any  # the tiles' blurred frames, (tiles, rows, cols)
+    images: Any  # their latent images on the same pixels
+    slopes: Any  # where the derivative of a measure in these is to be written
 
     def derivative(self) -> Float[np.ndarray, "tiles rows samples 2"]:
         """Of the measure in every path sample's displacement, once all slopes are written."""

@@ -1,5 +1,6 @@
 """The door to the GPU: frames and scenes whose latent images are computed there. What is imported within functions needs the extra gpu."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -58,11 +59,18 @@ def eliminated(
     return sparsity.Eliminated(offsets.astype(np.float32), frames, valid, ridge=ridge, floor=floor, completions=completions)
 
 
-def box(image: Any, window: int) -> Any:
-    """The mean over a window about each pixel of an array that lies on the GPU, 0 beyond the image."""
+def box(images: Any, window: int) -> Any:
+    """The mean over a window about each pixel of images that lie on the GPU, 0 beyond them."""
     from rsvideo.gpu import sparsity
 
-    return sparsity.box(image, window)
+    return sparsity.box(images, window)
+
+
+def inside(widths: Sequence[int], rows: int, cols: int) -> Any:
+    """1 within so many columns of each image on the GPU, (images, rows, cols), 0 beyond."""
+    from rsvideo.gpu import sparsity
+
+    return sparsity.inside(widths, rows, cols)
 
 
 def gaussian(image: Float[np.ndarray, "rows cols"], sigma: float) -> Float[np.ndarray, "rows cols"]:

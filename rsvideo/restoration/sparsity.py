@@ -16,6 +16,7 @@ m = M^-1 f'(l):  df = <m, dK^H r> - <m, K^H dK l> = <dK m, r> - <K m, dK l>.
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, no_type_check
 
@@ -47,32 +48,55 @@ def _box(image: np.ndarray) -> np.ndarray:
     return cv2.boxFilter(image, -1, (WINDOW, WINDOW), borderType=cv2.BORDER_CONSTANT)
 
 
-def texture_weight(frame: Float[Any, "rows cols"], typical: float, box: Callable[[Any], Any] = _box) -> Float[Any, "r c"]:
-    """The weight w of each pixel: near 1 where the blurred frame has gradients worth measuring. Arrays of a GPU bring their own `box`."""
-    power = np.diff(frame, axis=1)[:-1] ** 2 + np.diff(frame, axis=0)[:, :-1] ** 2
-    local = box(power) / box(np.ones_like(power))
-    return local / (local + HALF_WEIGHT * typical)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Region:
+    """What is measured of pictures: all of one, or of several on a GPU, (tiles, rows, cols), the gradients that lie in each."""
+
+    box: Callable[[Any], Any] = _box
+    inside: Any = None  # (tiles, rows - 1, cols - 1), 1 or 0; None: all
+
+    def gradients(self, image: Any) -> tuple[Any, Any]:
+        """Along the columns and along the rows, with one row and column less."""
+        corner = image[..., :-1, :-1]
+        gx, gy = image[..., :-1, 1:] - corner, image[..., 1:, :-1] - corner
+        return (gx, gy) if self.inside is None else (gx * self.inside, gy * self.inside)
+
+    def area(self, power: Any) -> Any:
+        """The weight of the window about each pixel."""
+        return self.box(np.ones_like(power) if self.inside is None else self.inside)
 
 
-def _local_power(power: Any, box: Callable[[Any], Any] = _box) -> tuple[Any, Any, Any]:
+WHOLE = Region()
+
+
+def texture_weight(frame: Float[Any, "*tiles rows cols"], typical: float, region: Region = WHOLE) -> Float[Any, "*tiles r c"]:
+    """The weight w of each pixel: near 1 where the blurred frame has gradients worth measuring."""
+    gx, gy = region.gradients(frame)
+    power = gx**2 + gy**2
+    local = region.box(power) / region.area(power)
+    weight = local / (local + HALF_WEIGHT * typical)
+    return weight if region.inside is None else weight * region.inside
+
+
+def _local_power(power: Any, region: Region) -> tuple[Any, Any, Any]:
     """|grad l|, the weight of the window about each pixel, and the mean of |grad l|^2 over it."""
-    area = box(np.ones_like(power))
-    return np.sqrt(power + FAINT**2), area, box(power) / area + FAINT**2
+    area = region.area(power)
+    return np.sqrt(power + FAINT**2), area, region.box(power) / area + FAINT**2
 
 
 def sparsity(
-    latent: Float[Any, "rows cols"], weight: Float[Any, "r c"], box: Callable[[Any], Any] = _box
-) -> tuple[float, Float[Any, "rows cols"]]:
+    latent: Float[Any, "*tiles rows cols"], weight: Float[Any, "*tiles r c"], region: Region = WHOLE
+) -> tuple[Float[Any, "*tiles"], Float[Any, "*tiles rows cols"]]:
     """sum w |grad l| / rms_local(grad l), and its derivative in l. The weight has one row and column less."""
-    gx, gy = latent[:-1, 1:] - latent[:-1, :-1], latent[1:, :-1] - latent[:-1, :-1]
-    magnitude, area, local = _local_power(gx * gx + gy * gy, box)
+    gx, gy = region.gradients(latent)
+    magnitude, area, local = _local_power(gx * gx + gy * gy, region)
     scale = 1 / np.sqrt(local)
-    value = float((weight * magnitude * scale).sum())
-    by_power = weight * scale / magnitude - box(weight * magnitude * scale / local / area)  # twice df / d power
+    value = (weight * magnitude * scale).sum(axis=(-2, -1))
+    by_power = weight * scale / magnitude - region.box(weight * magnitude * scale / local / area)  # twice df / d power
     gradient = np.zeros_like(latent)
-    for g, target in ((by_power * gx, np.s_[:-1, 1:]), (by_power * gy, np.s_[1:, :-1])):
+    for g, target in ((by_power * gx, np.s_[..., :-1, 1:]), (by_power * gy, np.s_[..., 1:, :-1])):
         gradient[target] += g
-        gradient[:-1, :-1] -= g
+        gradient[..., :-1, :-1] -= g
     return value, gradient
 
 
@@ -167,7 +191,7 @@ def _tile_objective(
         np.ascontiguousarray(km[:, columns]),
         out,
     )
-    return value, float(weight.sum()), out
+    return float(value), float(weight.sum()), out
 
 
 def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[np.ndarray, "rows samples 2"]]]:
@@ -206,29 +230,42 @@ def _objectives(
             yield tile, _tile_objective(_system(scene, tile, offsets), offsets, typical, ridge)
         return
     cut = list(_tiles(scene, trajectory))
-    solved, found = _on_device(scene, cut, ridge), []
-    box = partial(device_frame.box, window=WINDOW)
-    for t, frame in enumerate(solved.frames):
-        inner = tuple(slice(border, side - border) for border, side in zip(BORDER, frame.shape, strict=True))
-        weight = texture_weight(frame[inner], typical, box)
-        value, gradient = sparsity(solved.image(t)[inner], weight, box)
-        solved.slope(t)[inner] = gradient
-        found.append((value, float(weight.sum())))
-    for (tile, _), (value, weight), by_sample in zip(cut, found, solved.derivative(), strict=True):
-        yield tile, (value, weight, by_sample)
+    solved = _on_device(scene, cut, ridge)
+    inner, region = _measured_there(solved)
+    weight = texture_weight(solved.frames[inner], typical, region)
+    value, solved.slopes[inner] = sparsity(solved.images[inner], weight, region)
+    sums = (device_frame.to_host(total).tolist() for total in (value, weight.sum(axis=(-2, -1))))
+    for (tile, _), value_of, weight_of, by_sample in zip(cut, *sums, solved.derivative(), strict=True):
+        yield tile, (value_of, weight_of, by_sample)
 
 
-def _latent_images(scene: Scene, trajectory: Trajectory, ridge: float) -> Iterator[tuple[Tile, Any, Any]]:
-    """Each tile's latent image on its own pixels, and its frame; both where the scene's device has them."""
+def _measured_there(solved: Eliminated) -> tuple[tuple[slice, ...], Region]:
+    """The part of tiles on a GPU that is measured, and what of it lies in each."""
+    sides = zip(BORDER, solved.frames.shape[1:], strict=True)
+    inner = (slice(None), *(slice(border, side - border) for border, side in sides))
+    shape = solved.frames[inner].shape
+    wide = [width - 2 * BORDER[1] - 1 for width in solved.widths]
+    return inner, Region(box=partial(device_frame.box, window=WINDOW), inside=device_frame.inside(wide, shape[1] - 1, shape[2] - 1))
+
+
+def _relative_gradients(
+    scene: Scene, trajectory: Trajectory, ridge: float, power: float
+) -> Iterator[tuple[Tile, Float[np.ndarray, "r c"], Float[np.ndarray, "r c"]]]:
+    """`relative_gradients` of each tile, computed by the scene's device."""
+    typical = scene.gradient_power
     if scene.device == "cpu":
         for tile, offsets in _tiles(scene, trajectory):
             system = _system(scene, tile, offsets)
-            yield tile, system.crop(system.op.image(_latent(system, ridge)[2])), system.frame
+            in_frame, in_latent = _measured(system.op)
+            latent = system.op.image(_latent(system, ridge)[2])
+            yield tile, *relative_gradients(latent[in_latent], system.frame[in_frame], typical, power)
         return
     cut = list(_tiles(scene, trajectory))
     solved = _on_device(scene, cut, ridge)
-    for t, (tile, _) in enumerate(cut):
-        yield tile, solved.image(t), solved.frames[t]
+    inner, region = _measured_there(solved)
+    measured = relative_gradients(solved.images[inner], solved.frames[inner], typical, power, region)
+    for (tile, _), value, weight in zip(cut, *map(device_frame.to_host, measured), strict=True):
+        yield tile, value, weight
 
 
 def objective(scene: Scene, trajectory: Trajectory, ridge: float) -> tuple[float, Float[np.ndarray, "terms axes"]]:
@@ -258,20 +295,19 @@ def density(
     """What each pixel adds to the numerator of f(theta), w (|grad l| / rms)^power, and its weight w; 0 where f is not measured."""
     trajectory = scene.scaled(trajectory)
     value, weight = np.zeros(scene.frame.shape, np.float32), np.zeros(scene.frame.shape, np.float32)
-    there = scene.device == "cuda"
-    box, fetched = (partial(device_frame.box, window=WINDOW), device_frame.to_host) if there else (_box, np.asarray)
-    for tile, latent, frame in _latent_images(scene, trajectory, ridge):
-        down, across = inner = tuple(slice(border, side - border) for border, side in zip(BORDER, latent.shape, strict=True))
-        place = (slice(down.start, down.stop - 1), slice(tile.first + across.start, tile.first + across.stop - 1))
-        measured = relative_gradients(latent[inner], frame[inner], scene.gradient_power, power, box)
-        value[place], weight[place] = (fetched(each) for each in measured)
+    down, across = BORDER
+    for tile, of_value, of_weight in _relative_gradients(scene, trajectory, ridge, power):
+        columns = slice(tile.first + across, tile.last - across - 1)
+        place, part = np.s_[down : len(value) - down - 1, columns], np.s_[:, : columns.stop - columns.start]
+        value[place], weight[place] = of_value[part], of_weight[part]
     return value, weight
 
 
 def relative_gradients(
-    latent: Float[Any, "rows cols"], frame: Float[Any, "rows cols"], typical: float, power: float, box: Callable[[Any], Any] = _box
-) -> tuple[Float[Any, "r c"], Float[Any, "r c"]]:
+    latent: Float[Any, "*tiles rows cols"], frame: Float[Any, "*tiles rows cols"], typical: float, power: float, region: Region = WHOLE
+) -> tuple[Float[Any, "*tiles r c"], Float[Any, "*tiles r c"]]:
     """w (|grad l| / rms_local(grad l))^power of each pixel, and w; both have one row and column less. `typical` is as in texture_weight."""
-    magnitude, _, local = _local_power(np.diff(latent, axis=1)[:-1] ** 2 + np.diff(latent, axis=0)[:, :-1] ** 2, box)
-    weight = texture_weight(frame, typical, box)
+    gx, gy = region.gradients(latent)
+    magnitude, _, local = _local_power(gx**2 + gy**2, region)
+    weight = texture_weight(frame, typical, region)
     return weight * (magnitude / np.sqrt(local)) ** power, weight

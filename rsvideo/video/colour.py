@@ -33,20 +33,13 @@ def light(picture: Picture, colour: Colour) -> tuple[Light, Bool[np.ndarray, "ro
     if colour.floating:
         planes = np.stack(picture.planes, axis=-1).astype(np.float32)
         return np.clip(np.nan_to_num(planes, nan=0.0), 0, 1), planes >= 1
-    primed = _primed(picture, colour)
-    shape = (*primed[0].shape, len(primed))
-    pixels, clipped = np.empty(shape, np.float32), np.empty(shape, bool)
-    table, scale = _of(colour)[0], np.float32(_ENTRIES / _highest(colour))
-    for k, part in enumerate(primed):
-        spread(_lit, len(part), part, table, scale, *_full(colour), pixels[..., k], clipped[..., k])
-    return pixels, clipped
+    return _lit(_primed(picture, colour), colour)
 
 
 def load(colour: Colour) -> None:
     """Make tables and compiled code ready for `light`, which takes the first of them a third of a second."""
     if not colour.floating:
-        black = np.zeros((1, 1), np.float32)
-        _lit(0, 1, black, _of(colour)[0], np.float32(1), *_full(colour), *(np.zeros((1, 1, 1), kind)[..., 0] for kind in (np.float32, bool)))
+        _lit([np.zeros((1, 1), np.float32)], colour)
 
 
 def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
@@ -203,6 +196,16 @@ def _of(colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     return _tables(colour.transfer, *_scale(colour), _highest(colour))
 
 
+def _lit(primed: list[np.ndarray], colour: Colour) -> tuple[Light, Bool[np.ndarray, "rows cols channels"]]:
+    """The light of R', G' and B', and where the camera was full."""
+    shape = (*primed[0].shape, len(primed))
+    pixels, clipped = np.empty(shape, np.float32), np.empty(shape, bool)
+    table, scale = _of(colour)[0], np.float32(_ENTRIES / _highest(colour))
+    for k, part in enumerate(primed):
+        spread(_light_by, len(part), part, table, scale, *_full(colour), pixels[..., k], clipped[..., k])
+    return pixels, clipped
+
+
 def _coded(pixels: np.ndarray, colour: Colour) -> list[np.ndarray]:
     """R', G' and B' of light, each by itself."""
     table, parts = _of(colour)[1], [np.empty(pixels.shape[:2], np.float32) for _ in range(pixels.shape[2])]
@@ -225,8 +228,8 @@ def _full(colour: Colour) -> tuple[np.float32, np.float32, np.float32]:
 
 @no_type_check
 @loop(fastmath=False)
-def _lit(first, last, primed, table, scale, full, low, high, light, clipped):
-    """Light by a table, and whether the camera was full."""
+def _light_by(first, last, primed, table, scale, full, low, high, light, clipped):
+    """Light by a table, and whether the camera was full, of a channel."""
     for i in range(first, last):
         for j in range(primed.shape[1]):
             value = primed[i, j]
