@@ -8,16 +8,15 @@ codes what changed in the picture, and so gives back the original exactly where 
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float32
-from numba import njit
 
 from rsvideo.physics import tone
 from rsvideo.physics.luminance import BT709_WEIGHTS
 from rsvideo.physics.tone import Tone
-from rsvideo.threads import loop, spread
+from rsvideo.threads import spread
+from rsvideo.video import colour_loops
 from rsvideo.video.stream import Colour, Matrix, Picture
 
 Light = Float32[np.ndarray, "rows cols channels"]  # 3, or 1 of a grey picture
@@ -33,13 +32,28 @@ def light(picture: Picture, colour: Colour) -> tuple[Light, Bool[np.ndarray, "ro
     if colour.floating:
         planes = np.stack(picture.planes, axis=-1).astype(np.float32)
         return np.clip(np.nan_to_num(planes, nan=0.0), 0, 1), planes >= 1
-    return _lit(_primed(picture, colour), colour)
+    rows, cols = picture.planes[0].shape
+    pixels = np.empty((rows, cols, len(picture.planes)), np.float32)
+    clipped, table = np.empty(pixels.shape, bool), _of(colour)[0]
+    how = table, np.float32(_ENTRIES / _highest(colour)), *_full(colour)
+    if _halved_at_most(colour):
+        kr, kb = _KR_KB[colour.matrix]
+        weights = np.array([kr, kb, 2 * (1 - kr), 2 * (1 - kb), 1 / (1 - kr - kb)], np.float32)
+        zeros = np.array([_zero(k, colour) for k in range(2)])
+        per_span = np.array([np.float32(1) / _span(k, colour) for k in range(2)])
+        halved = map(bool, colour.chroma_shift)
+        spread(colour_loops.light_of_ycbcr, rows, *picture.planes, zeros, per_span, weights, *halved, *how, pixels, clipped)
+    else:
+        for k, part in enumerate(_primed(picture, colour)):
+            spread(colour_loops.light_by, rows, part, *how, pixels[..., k], clipped[..., k])
+    return pixels, clipped
 
 
 def load(colour: Colour) -> None:
     """Make tables and compiled code ready for `light`, which takes the first of them a third of a second."""
     if not colour.floating:
-        _lit([np.zeros((1, 1), np.float32)], colour)
+        codes = np.zeros((2, 2), np.uint8 if colour.depth == 8 else np.uint16)
+        light(Picture(planes=(codes,) * (1 if colour.subsampling == "4:0:0" else 3), index=0, pts=0, duration=0, time=0.0), colour)
 
 
 def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
@@ -47,7 +61,14 @@ def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
     before = light(picture, colour)[0]
     if colour.floating:
         return replace(picture, planes=tuple(p + (pixels - before)[..., k] for k, p in enumerate(picture.planes)))
-    change = _mixed([now - then for now, then in zip(_coded(pixels, colour), _coded(before, colour), strict=True)], colour)
+    if _halved_at_most(colour):
+        kr, kb = _KR_KB[colour.matrix]
+        weights = np.array([kr, 1 - kr - kb, kb, 0.5 / (1 - kb), 0.5 / (1 - kr)], np.float32)
+        parts = [np.empty(pixels.shape[:2], np.float32) for _ in range(3)]
+        spread(colour_loops.change_in_ycbcr, len(pixels), pixels, before, _of(colour)[1], weights, *parts)
+        change = _in_steps(parts, colour)
+    else:
+        change = _mixed([now - then for now, then in zip(_coded(pixels, colour), _coded(before, colour), strict=True)], colour)
     return replace(picture, planes=tuple(_rounded(p + d, colour) for p, d in zip(picture.planes, change, strict=True)))
 
 
@@ -115,8 +136,14 @@ def _mixed(parts: list[np.ndarray], colour: Colour) -> list[np.ndarray]:
     if colour.matrix is not Matrix.RGB and len(parts) == 3:
         kr, kb = _KR_KB[colour.matrix]
         y = np.float32(kr) * parts[0] + np.float32(1 - kr - kb) * parts[1] + np.float32(kb) * parts[2]
-        chroma = ((parts[2] - y) * np.float32(0.5 / (1 - kb)), (parts[0] - y) * np.float32(0.5 / (1 - kr)))
-        parts = [y, *(_coarse(c, colour.chroma_shift) for c in chroma)]
+        parts = [y, (parts[2] - y) * np.float32(0.5 / (1 - kb)), (parts[0] - y) * np.float32(0.5 / (1 - kr))]
+    return _in_steps(parts, colour)
+
+
+def _in_steps(parts: list[np.ndarray], colour: Colour) -> list[np.ndarray]:
+    """Luma, and chroma made coarser, or R', G' and B', in steps of codes."""
+    if colour.matrix is not Matrix.RGB:
+        parts = [parts[0], *(_coarse(c, colour.chroma_shift) for c in parts[1:])]
     return [part * _span(k, colour) for k, part in enumerate(parts)]
 
 
@@ -148,13 +175,16 @@ def _fine(c: np.ndarray, shape: tuple[int, ...], shift: tuple[int, int]) -> np.n
 
 def _coarse(c: np.ndarray, shift: tuple[int, int]) -> np.ndarray:
     """The counterpart of `_fine`: its weights, transposed."""
-    for _ in range(shift[0]):
-        c = np.pad(c, ((1, 2 + len(c) % 2), (0, 0)), mode="edge")
-        c = 0.125 * (c[:-3:2] + c[3::2]) + 0.375 * (c[1:-2:2] + c[2:-1:2])
-    for _ in range(shift[1]):
-        c = np.pad(c, ((0, 0), (1, 1 + c.shape[1] % 2)), mode="edge")
-        c = 0.25 * (c[:, :-2:2] + c[:, 2::2]) + 0.5 * c[:, 1:-1:2]
+    for n in range(max(shift)):
+        down, across = (n < times for times in shift)
+        fine, c = c, np.empty([-(-side // 2) if halved else side for side, halved in zip(c.shape, (down, across), strict=True)], np.float32)
+        spread(colour_loops.coarser, len(c), fine, down, across, c)
     return c
+
+
+def _halved_at_most(colour: Colour) -> bool:
+    """Whether there is chroma, with half as many rows and columns as luma or with all: the layouts of nearly every clip."""
+    return colour.matrix is not Matrix.RGB and colour.subsampling != "4:0:0" and max(colour.chroma_shift) <= 1
 
 
 def _scale(colour: Colour) -> tuple[float, float]:
@@ -196,21 +226,11 @@ def _of(colour: Colour) -> tuple[np.ndarray, np.ndarray]:
     return _tables(colour.transfer, *_scale(colour), _highest(colour))
 
 
-def _lit(primed: list[np.ndarray], colour: Colour) -> tuple[Light, Bool[np.ndarray, "rows cols channels"]]:
-    """The light of R', G' and B', and where the camera was full."""
-    shape = (*primed[0].shape, len(primed))
-    pixels, clipped = np.empty(shape, np.float32), np.empty(shape, bool)
-    table, scale = _of(colour)[0], np.float32(_ENTRIES / _highest(colour))
-    for k, part in enumerate(primed):
-        spread(_light_by, len(part), part, table, scale, *_full(colour), pixels[..., k], clipped[..., k])
-    return pixels, clipped
-
-
 def _coded(pixels: np.ndarray, colour: Colour) -> list[np.ndarray]:
     """R', G' and B' of light, each by itself."""
     table, parts = _of(colour)[1], [np.empty(pixels.shape[:2], np.float32) for _ in range(pixels.shape[2])]
     for k, part in enumerate(parts):
-        spread(_primed_by, len(part), pixels[..., k], table, np.float32(_ENTRIES), part)
+        spread(colour_loops.primed_by, len(part), pixels[..., k], table, part)
     return parts
 
 
@@ -224,35 +244,3 @@ def _full(colour: Colour) -> tuple[np.float32, np.float32, np.float32]:
     full = _highest(colour) - below * step if colour.saturation is None else colour.saturation
     low, high = (1 - _BELOW * step, 1 + _ABOVE * step) if above_white else (np.inf, np.inf)
     return np.float32(full), np.float32(low), np.float32(high)
-
-
-@no_type_check
-@loop(fastmath=False)
-def _light_by(first, last, primed, table, scale, full, low, high, light, clipped):
-    """Light by a table, and whether the camera was full, of a channel."""
-    for i in range(first, last):
-        for j in range(primed.shape[1]):
-            value = primed[i, j]
-            light[i, j] = _entry(table, value * scale)
-            clipped[i, j] = value >= full or low <= value <= high
-
-
-@no_type_check
-@loop(fastmath=False)
-def _primed_by(first, last, light, table, scale, primed):
-    """R'G'B' by a table over the fourth root of light."""
-    for i in range(first, last):
-        for j in range(light.shape[1]):
-            root = np.sqrt(np.sqrt(light[i, j])) if light[i, j] > 0 else np.float32(0)
-            primed[i, j] = _entry(table, root * scale)
-
-
-@no_type_check
-@njit(cache=True)
-def _entry(table, at):
-    """Of a table, interpolated between two; the first and the last hold beyond it, the first for NaN too."""
-    last = len(table) - 1
-    if not at > 0:
-        return table[0]
-    k = int(min(at, np.float32(last)))
-    return table[last] if k >= last else table[k] + (at - np.float32(k)) * (table[k + 1] - table[k])
