@@ -24,7 +24,7 @@ from rsvideo.config.request import Measured, Request, Sections
 from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, Positions, shown
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.pipeline import deblur, demand, fingerprint
+from rsvideo.pipeline import deblur, demand, devices, fingerprint
 from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import prepare
 
@@ -208,6 +208,12 @@ def settled(batch: Batch, ours: Callable[[Item], bool], found: Mapping[str, Foun
             record = plan.item.results.at(plan.request.record.name)
             raise ConfigError(f"{plan.source} and {other.source} would both write {record}; give one of them another name")
     return plans
+
+
+def clips(batch: Batch) -> list[Request]:
+    """Of the clips that lie on this machine, each with its device: what others need to look for what their plans must know."""
+    local = (item.request for item in batch.items if item.request.is_clip and item.request.origin is None)
+    return [devices.settled(request.replaced(overwrite=True)) for request in local]  # they write nothing
 
 
 def chunks(plan: Planned) -> tuple[Chunk, ...]:

@@ -2,7 +2,7 @@
 
 import contextlib
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from rsvideo.batch.control import Patience
+from rsvideo.batch.plan import Found
 from rsvideo.batch.store import Store
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.request import Request
@@ -21,6 +22,13 @@ from rsvideo.progress import Observer, Progress, seldom
 
 _LONGEST_WAIT = 1.0  # seconds for a report; then others may be listened to
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # no other clip would fare better
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """Find in a source what its plan needs to know."""
+
+    request: Request
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +58,7 @@ class Finish:
     mark: Mark
 
 
-Order = Cut | Restore | Finish
+Order = Look | Cut | Restore | Finish
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +71,7 @@ class Failed:
     again: bool = False  # another try may do
 
 
-Done = tuple[Chunk, ...] | str | Finished  # of Cut; of Restore, its record as JSON; of Finish
+Done = Found | tuple[Chunk, ...] | str | Finished  # of Look; of Cut; of Restore, its record as JSON; of Finish
 Answer = Progress | Failed | Done
 
 
@@ -175,6 +183,24 @@ def crew(*, most: int, quiet: bool) -> Iterator[Crew]:
         crew.dismiss()
 
 
+def found(requests: Sequence[Request], hands: Hands) -> dict[str, Found]:
+    """What workers find in sources, by the names of the outputs: to measure a clip takes seconds.
+
+    Of a source that they cannot read, or whose request is wrong, they find nothing: whoever plans it comes upon the same. After a wrong
+    request no more are looked at.
+    """
+    waiting, out = list(requests), dict[str, Found]()
+    while waiting or hands.busy:
+        while waiting and hands.free(Look):
+            hands.give(Look(request=waiting.pop(0)))
+        for order, answer in hands.answers():
+            if isinstance(answer, Found):
+                out[order.request.output.name] = answer
+            elif isinstance(answer, Failed) and not (answer.unreadable or answer.again):
+                waiting.clear()
+    return out
+
+
 def _death(worker: _Worker) -> Failed:
     worker.connection.close()
     return Failed(words=f"a worker process {processes.death(worker.process)}", again=True)
@@ -198,6 +224,8 @@ def _serve(orders: Connection) -> None:
 
 def _carried_out(order: Order, task: Task, observe: Observer) -> Done:
     match order:
+        case Look():
+            return Found.of(task.request)
         case Cut():
             return tuple(deblur.chunks(task))
         case Restore():

@@ -39,7 +39,7 @@ def run(
     Exit codes: 0 all done; 1 one failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
     5 done, but more frames failed than report.most_failed_frames.
     """
-    from rsvideo.batch import plan, status
+    from rsvideo.batch import plan, status, workers
     from rsvideo.cli import quiet
 
     batch = read(path, sets, overwrite=overwrite)
@@ -51,7 +51,8 @@ def run(
             return _print_plan(batch, ours(batch, book), json=json)
         with status.noted(batch, path, workers=jobs, scheduler=scheduler) as recorder, _hands(batch, scheduler, jobs) as crew:
             with refusing(), quiet.c_libraries():
-                plans = plan.settled(batch, ours(batch, book))
+                found = workers.found(plan.clips(batch), crew) if jobs > 1 and scheduler is None else {}
+                plans = plan.settled(batch, ours(batch, book), found)
             return carried_out(batch, book, plans, crew, recorder, progress=progress, json=json)
 
 

@@ -4,6 +4,7 @@ A frame is restored from all that came before it in its chunk and its warm-up. T
 
 PACE: seconds a frame
 TALLY: a file that gets a line, `clip number`, for each chunk begun
+OPENED: a file that gets a line, `clip process`, each time a clip is opened
 DIARY: a file that gets a line, `begun clip number` or `done clip number`, for each chunk begun and each done
 KILLED: the `clip number` of a chunk whose workers die
 KILLED_ONCE: a file, absent, that will note that a worker has died
@@ -66,6 +67,9 @@ class Task:
 
 
 def prepare(request: Request, piped: object = None, found: object = None) -> Task:
+    if opened := os.environ.get("OPENED"):
+        with Path(opened).open("a") as file:
+            file.write(f"{request.source.name} {os.getpid()}\n")
     camera = request.camera
     if camera.exposure is None:
         raise ValueError("exposure must be given, it is not in the file")

@@ -68,6 +68,19 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return results(folder / "job.yaml")
 
 
+def test_two_workers_look_at_two_clips_before_they_are_planned(job: Path, whole: dict[str, bytes]) -> None:
+    opened = job.parent / "opened"
+    assert call("run", job, "-j", 2, OPENED=opened).returncode == 0
+    lines = [line.rpartition(" ") for line in opened.read_text().splitlines()]
+    lookers = [pid for _, _, pid in lines[:3]]  # each clip is opened once before it is planned, in yet another process
+    assert sorted(name for name, _, _ in lines[:3]) == sorted(CLIPS)
+    assert len({*lookers}) == 2
+    assert [name for name, _, pid in lines if pid not in lookers] == [
+        item.rpartition(" ")[0] for item in ("a b.mp4 ", "c.mp4 ", "über.mov ")
+    ]
+    assert results(job) == whole
+
+
 def test_a_batch_ends_with_its_results_a_table_and_nothing_else(job: Path, whole: dict[str, bytes]) -> None:
     done = call("run", job, "-j", 2)
     assert done.returncode == 0, done.stderr
