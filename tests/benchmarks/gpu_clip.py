@@ -37,7 +37,8 @@ WARM = 160, 120, 4.0, 3  # columns, rows, px of blur, frames
 def by_stage(source: Path, cols: int, frames: int, device: str) -> dict[str, Any]:
     """Seconds a frame."""
     watch, _, seconds = restored(source, cols, device=device, stages=PARTS)
-    return {"whole": seconds / frames} | {stage: watch.seconds[stage] / frames for stage in (*PARTS, "rest")}
+    took = {stage: watch.seconds[stage] / frames for stage in (*PARTS, "rest") if watch.seconds[stage]}
+    return {"seconds": seconds / frames} | {f"{stage.replace(' ', '_')}_s": of_stage for stage, of_stage in took.items()}
 
 
 def at_once(source: Path, cols: int, jobs: int, device: str) -> float:
@@ -71,7 +72,7 @@ def main() -> None:
         source = Path(shutil.copy(source, Path(folder) / "filmed.mp4"))
         took = by_stage(source, cols, args.frames, args.device)
         print("| stage | s a frame |\n|---|---:|")
-        print("\n".join(f"| {stage} | {seconds:.3f} |" for stage, seconds in took.items()), flush=True)
+        print("\n".join(f"| {stage.removesuffix('_s')} | {seconds:.3f} |" for stage, seconds in took.items()), flush=True)
         print("\n| workers | frames | s | frames/s |\n|---:|---:|---:|---:|", flush=True)
         several = []
         for jobs in map(int, filter(None, args.jobs.split(","))):
@@ -82,7 +83,7 @@ def main() -> None:
             several.append({"workers": jobs, "frames": jobs * args.frames, "s": seconds, "frames_per_s": jobs * args.frames / seconds})
             print(f"| {jobs} | {jobs * args.frames} | {seconds:.1f} | {jobs * args.frames / seconds:.2f} |", flush=True)
     if args.json:
-        published.write(args.json, {"gpu_clip": [took], "gpu_workers": several})
+        published.write(args.json, {"gpu_clip": [{"case": f"{args.size}:{args.blur:g}"} | took], "gpu_workers": several})
 
 
 if __name__ == "__main__":
