@@ -52,13 +52,15 @@ def light(picture: Picture, colour: Colour) -> tuple[Light, Bool[np.ndarray, "ro
 def load(colour: Colour) -> None:
     """Make tables and compiled code ready for `light`, which takes the first of them a third of a second."""
     if not colour.floating:
-        codes = np.zeros((2, 2), np.uint8 if colour.depth == 8 else np.uint16)
+        codes = np.zeros((2, 2), np.uint8 if colour.depth <= 8 else np.uint16)
         light(Picture(planes=(codes,) * (1 if colour.subsampling == "4:0:0" else 3), index=0, pts=0, duration=0, time=0.0), colour)
 
 
 def codes(pixels: Light, picture: Picture, colour: Colour) -> Picture:
     """`picture` with its light replaced by `pixels`; exactly itself where they are its own light."""
     before = light(picture, colour)[0]
+    if pixels.shape != before.shape:
+        raise ValueError(f"pixels must be as the picture's, {before.shape}, got {pixels.shape}")
     if colour.floating:
         return replace(picture, planes=tuple(p + (pixels - before)[..., k] for k, p in enumerate(picture.planes)))
     if _halved_at_most(colour):

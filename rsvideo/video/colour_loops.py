@@ -53,7 +53,7 @@ def primed_by(first, last, light, table, primed):
 @njit(cache=True)
 def _finer_row(coarse, i, down, zero, per_span, out):
     """Chroma beside row i of luma, which lies midway between two rows of it where it has half as many."""
-    n = i >> 1 if down else i
+    n = min(i >> 1 if down else i, coarse.shape[0] - 1)
     other = n if not down else min(n + 1, coarse.shape[0] - 1) if i & 1 else max(n - 1, 0)
     for j in range(coarse.shape[1]):
         own = (np.float32(coarse[n, j]) - zero) * per_span
@@ -66,9 +66,9 @@ def _finer_row(coarse, i, down, zero, per_span, out):
 @njit(cache=True)
 def _finer(row, j, across):
     """Chroma beside column j of luma; every second one is sited with a column of it where it has half as many."""
+    n = min(j >> 1 if across else j, len(row) - 1)
     if not across:
-        return row[j]
-    n = j >> 1
+        return row[n]
     return np.float32(0.5) * (row[n] + row[min(n + 1, len(row) - 1)]) if j & 1 else row[n]
 
 

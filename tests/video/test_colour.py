@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from rsvideo.physics import tone
 from rsvideo.physics.tone import Transfer
+from rsvideo.video import colour as subject
 from rsvideo.video.colour import codes, encoded, light, relaid
 from rsvideo.video.stream import Colour, Matrix, Picture, planar
 from tests.video.clips import planes as planes_of
@@ -175,6 +176,38 @@ def test_a_ramp_of_colour_is_written_where_it_was_read() -> None:
         original = picture(np.full((16, 20), 128, np.uint8), flat, (110 + 3 * ramp).astype(np.uint8))
         again = encoded(light(original, meaning)[0], original, meaning)
         np.testing.assert_array_equal(again.planes[2][1:-1, 1:-1], original.planes[2][1:-1, 1:-1])
+
+
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("layout", ["yuv420p", "yuv422p10le", "yuv440p", "yuv444p"])
+def test_what_is_computed_at_once_is_what_is_computed_step_by_step(layout: str, full: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    meaning, given = colour(layout, full=full), noise(layout)
+
+    def both() -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+        pixels, clipped = light(given, meaning)
+        return pixels, clipped, codes(pixels + np.float32(0.01) * (pixels > 0.3), given, meaning).planes
+
+    at_once = both()
+    monkeypatch.setattr(subject, "_halved_at_most", lambda _: False)
+    step_by_step = both()
+    for one, other in zip((*at_once[:2], *at_once[2]), (*step_by_step[:2], *step_by_step[2]), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("shift", [(1, 1), (0, 1), (1, 0), (0, 2), (2, 2)])
+def test_chroma_is_made_coarser_by_the_weights_that_make_it_finer(shift: tuple[int, int]) -> None:
+    """<fine c, f> = n <c, coarse f> with n pixels to a sample, where nothing lies at the borders."""
+    rng, shape = np.random.default_rng(0), (32, 40)
+    fine, coarse = np.zeros(shape, np.float32), rng.random((shape[0] >> shift[0], shape[1] >> shift[1]), np.float32)
+    fine[8:-8, 8:-8] = rng.random((shape[0] - 16, shape[1] - 16), np.float32)
+    pixels = 1 << sum(shift)
+    finer, coarser = subject._fine(coarse, shape, shift), subject._coarse(fine, shift)
+    assert float((finer * fine).sum()) == pytest.approx(pixels * float((coarse * coarser).sum()), rel=1e-5)
+
+
+def test_pixels_of_another_size_are_refused() -> None:
+    with pytest.raises(ValueError, match="pixels must be as the picture's"):
+        codes(np.zeros((3, 6, 3), np.float32), grey(100), colour("yuv420p"))
 
 
 @pytest.mark.parametrize("layout", ["yuv420p", "yuv422p10le", "gbrp16le", "gray"])
