@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from rsvideo.batch import plan
 from rsvideo.batch.plan import Batch, Found, Item, Planned, Unreadable
-from rsvideo.batch.workers import Answer, Crew, Cut, Failed, Finish, Order, Restore, failed
+from rsvideo.batch.workers import Answer, Crew, Cut, Failed, Finish, Order, Restore, answers_to, failed
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.sidecar import Mark
 from rsvideo.config.yaml import ConfigError, shown
@@ -144,13 +144,10 @@ def orders(batch: Batch, cut: Layout, wanted: Sequence[int]) -> dict[int, Restor
 def restored(wanted: Mapping[int, Restore], crew: Crew, folder: Path) -> Iterator[tuple[int, Failed | None]]:
     """Restore chunks in a folder of this machine's own, and put them into their stores; each with what went wrong, if anything did."""
     numbers = {(order.store, order.chunk): number for number, order in wanted.items()}
-    waiting = deque(replace(order, folder=folder / order.store.name) for order in wanted.values())
-    while waiting or crew.busy:
-        while waiting and crew.free(Restore):
-            crew.give(waiting.popleft())
-        for order, answer in crew.answers():
-            if isinstance(order, Restore) and not isinstance(answer, Progress):
-                yield numbers[order.store, order.chunk], _put(order, answer)
+    waiting = deque[Order](replace(order, folder=folder / order.store.name) for order in wanted.values())
+    for order, answer in answers_to(waiting, crew):
+        if isinstance(order, Restore) and not isinstance(answer, Progress):
+            yield numbers[order.store, order.chunk], _put(order, answer)
 
 
 def _put(order: Restore, answer: Answer) -> Failed | None:

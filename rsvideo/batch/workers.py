@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -189,16 +190,21 @@ def found(requests: Sequence[Request], hands: Hands) -> dict[str, Found]:
     Of a source that they cannot read, or whose request is wrong, they find nothing: whoever plans it comes upon the same. After a wrong
     request no more are looked at.
     """
-    waiting, out = list(requests), dict[str, Found]()
-    while waiting or hands.busy:
-        while waiting and hands.free(Look):
-            hands.give(Look(request=waiting.pop(0)))
-        for order, answer in hands.answers():
-            if isinstance(answer, Found):
-                out[order.request.output.name] = answer
-            elif isinstance(answer, Failed) and not (answer.unreadable or answer.again):
-                waiting.clear()
+    waiting, out = deque[Order](Look(request=request) for request in requests), dict[str, Found]()
+    for order, answer in answers_to(waiting, hands):
+        if isinstance(answer, Found):
+            out[order.request.output.name] = answer
+        elif isinstance(answer, Failed) and not (answer.unreadable or answer.again):
+            waiting.clear()
     return out
+
+
+def answers_to(waiting: deque[Order], hands: Hands) -> Iterator[tuple[Order, Answer]]:
+    """All that is reported of orders, which are given as hands are free; none that the caller takes out of those that wait."""
+    while waiting or hands.busy:
+        while waiting and hands.free(type(waiting[0])):
+            hands.give(waiting.popleft())
+        yield from hands.answers()
 
 
 def _death(worker: _Worker) -> Failed:

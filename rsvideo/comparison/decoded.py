@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float32, UInt8
 from rsvideo.config.media import is_clip
 from rsvideo.config.request import Request
 from rsvideo.physics import tone
+from rsvideo.physics.channels import any_channel
 from rsvideo.physics.tone import Transfer
 from rsvideo.pipeline.clip_facts import frame_range
 from rsvideo.report import metrics
@@ -137,7 +138,7 @@ def _of_clip(
 
         def light(picture=picture) -> Light:
             pixels, clipped = colour.light(picture, own)
-            return metrics.luma(pixels), np.asarray(~clipped.any(axis=2))
+            return metrics.luma(pixels), ~any_channel(clipped)
 
         yield DecodedPicture(
             codes=codes.astype(np.float32) / np.float32(255), shown=np.ascontiguousarray(np.rot90(shown, turns)), light=light
@@ -152,5 +153,5 @@ def _of_still(photograph: Still) -> DecodedPicture:
     return DecodedPicture(
         codes=np.ascontiguousarray(codes),
         shown=np.clip(np.rint(255 * shown), 0, 255).astype(np.uint8),
-        light=lambda: (metrics.luma(photograph.pixels), np.asarray(~photograph.clipped.any(axis=2))),
+        light=lambda: (metrics.luma(photograph.pixels), ~any_channel(photograph.clipped)),
     )

@@ -17,6 +17,7 @@ from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Measured, Request
 from rsvideo.config.sidecar import Sidecar
 from rsvideo.frame import FrameResult
+from rsvideo.physics.channels import any_channel
 from rsvideo.pipeline import clip_facts, demand, measuring, output, preview
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import Observer, Progress, within
@@ -135,7 +136,7 @@ def _explained(task: Task, results: Sequence[FrameResult], size: Size, *, turns:
             pictures[f"{index}-motion"] = overlay
             facts["blur_px"] = drawing.blur_length(held, record)
             pictures[f"{index}-path"] = drawing.styled(charts.trajectory(held, record))
-        light = metrics.luma(result.frame.pixels), np.asarray(~result.frame.clipped.any(axis=2))
+        light = metrics.luma(result.frame.pixels), ~any_channel(result.frame.clipped)
         left = residual.of(record, held, light, (metrics.luma(result.latent), light[1])) if moved else None
         if left is not None:
             pictures[f"{index}-residual"], facts["unexplained"] = drawing.heat(left, turns)
