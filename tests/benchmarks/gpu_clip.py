@@ -16,11 +16,10 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import batch
 import published
-from stages import EXPOSURE, FOCAL, READOUT, STAGES, filmed, restored
+from stages import EXPOSURE, FOCAL, READOUT, STAGES, by_stage, filmed, restored
 
 from rsvideo.allocation import keep_freed_memory
 from rsvideo.restoration import multi_frame, nonblind
@@ -32,13 +31,6 @@ PARTS = {
     "straightening": ((multi_frame, "straightened"),),
 }
 WARM = 160, 120, 4.0, 3  # columns, rows, px of blur, frames
-
-
-def by_stage(source: Path, cols: int, frames: int, device: str) -> dict[str, Any]:
-    """Seconds a frame."""
-    watch, _, seconds = restored(source, cols, device=device, stages=PARTS)
-    took = {stage: watch.seconds[stage] / frames for stage in (*PARTS, "rest") if watch.seconds[stage]}
-    return {"seconds": seconds / frames} | {f"{stage.replace(' ', '_')}_s": of_stage for stage, of_stage in took.items()}
 
 
 def at_once(source: Path, cols: int, jobs: int, device: str) -> float:
@@ -70,7 +62,8 @@ def main() -> None:
         if not source.exists():
             filmed(source, cols, rows, args.blur, args.frames)
         source = Path(shutil.copy(source, Path(folder) / "filmed.mp4"))
-        took = by_stage(source, cols, args.frames, args.device)
+        watch, _, seconds = restored(source, cols, device=args.device, stages=PARTS)
+        took = {stage: share for stage, share in by_stage(watch, seconds, args.frames, PARTS).items() if share}
         print("| stage | s a frame |\n|---|---:|")
         print("\n".join(f"| {stage.removesuffix('_s')} | {seconds:.3f} |" for stage, seconds in took.items()), flush=True)
         print("\n| workers | frames | s | frames/s |\n|---:|---:|---:|---:|", flush=True)

@@ -237,6 +237,11 @@ def restored(source: Path, cols: int, *, device: str = "cpu", stages: Stages = S
     return watch, work, time.perf_counter() - begun
 
 
+def by_stage(watch: Watch, seconds: float, frames: int, stages: Stages = STAGES) -> dict[str, float]:
+    """Seconds a frame of all, and of each stage, by the names of their columns."""
+    return {"seconds": seconds / frames} | {f"{stage.replace(' ', '_')}_s": watch.seconds[stage] / frames for stage in (*stages, "rest")}
+
+
 def main() -> None:
     """Print the stages' table and the kernels'."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -258,8 +263,7 @@ def main() -> None:
                 filmed(source, cols, rows, args.blur, frames)
                 watch, work, seconds = restored(source, cols)
                 what = f"{cols} x {rows}, {'a photograph' if frames == 1 else 'a frame of a clip'}"
-                took = {stage: watch.seconds[stage] / frames for stage in (*STAGES, "rest")}
-                stages.append({"what": what, "seconds": seconds / frames} | {f"{k.replace(' ', '_')}_s": v for k, v in took.items()})
+                stages.append({"what": what} | by_stage(watch, seconds, frames))
                 for kernel, of in sorted(work.rows.items(), key=lambda each: -each[1]["seconds"]):
                     floor = max(of["operations"] / speed, of["bytes"] / bandwidth)
                     row = {"what": what, "kernel": kernel, "calls": round(of["calls"] / frames), "gflop": of["operations"] / frames / 1e9}
