@@ -27,6 +27,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import deblur, demand, devices, fingerprint
 from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import prepare
+from rsvideo.progress import Observer, Progress, ignore
 
 _LONGEST_STEM, _TELLING = 40, 8  # characters of a folder's name
 
@@ -195,13 +196,18 @@ def _telling(name: str) -> str:
     return hashlib.sha256(name.encode()).hexdigest()[:_TELLING]
 
 
-def settled(batch: Batch, ours: Callable[[Item], bool], found: Mapping[str, Found] = MappingProxyType({})) -> list["Planned | Unreadable"]:
+def settled(
+    batch: Batch, ours: Callable[[Item], bool], found: Mapping[str, Found] = MappingProxyType({}), observe: Observer = ignore
+) -> list["Planned | Unreadable"]:
     """Open all sources and answer every question; `ours` says whether what stands under an item's names was written by this very job.
 
     `found` is what need not be looked for again, by the names of the outputs. A damaged source does not hold up the others; a wrong
     request (ConfigError) or an output that exists (FileExistsError) does.
     """
-    plans = [_settled(item, batch, ours=ours(item), found=found.get(item.request.output.name)) for item in batch.items]
+    plans = []
+    for number, item in enumerate(batch.items):
+        observe(Progress(stage=f"looking into {item.source}", fraction=number / len(batch.items)))
+        plans.append(_settled(item, batch, ours=ours(item), found=found.get(item.request.output.name)))
     taken: dict[Path, Planned] = {}
     for plan in plans:
         if isinstance(plan, Planned) and (other := taken.setdefault(plan.request.record, plan)) is not plan:

@@ -19,7 +19,7 @@ from rsvideo.config.sidecar import Mark
 from rsvideo.pipeline import deblur, processes
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Finished
 from rsvideo.pipeline.prepare import Task, prepare
-from rsvideo.progress import Observer, Progress, seldom
+from rsvideo.progress import Observer, Progress, ignore, seldom
 
 _LONGEST_WAIT = 1.0  # seconds for a report; then others may be listened to
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)  # no other clip would fare better
@@ -184,14 +184,16 @@ def crew(*, most: int, quiet: bool) -> Iterator[Crew]:
         crew.dismiss()
 
 
-def found(requests: Sequence[Request], hands: Hands) -> dict[str, Found]:
+def found(requests: Sequence[Request], hands: Hands, observe: Observer = ignore) -> dict[str, Found]:
     """What workers find in sources, by the names of the outputs: to measure a clip takes seconds.
 
     Of a source that they cannot read, or whose request is wrong, they find nothing: whoever plans it comes upon the same. After a wrong
     request no more are looked at.
     """
-    waiting, out = deque[Order](Look(request=request) for request in requests), dict[str, Found]()
+    waiting, out, ended = deque[Order](Look(request=request) for request in requests), dict[str, Found](), 0
     for order, answer in answers_to(waiting, hands):
+        ended += not isinstance(answer, Progress)
+        observe(Progress(stage=f"looking into {order.request.source.name}", fraction=ended / len(requests)))
         if isinstance(answer, Found):
             out[order.request.output.name] = answer
         elif isinstance(answer, Failed) and not (answer.unreadable or answer.again):

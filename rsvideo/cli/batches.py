@@ -56,6 +56,18 @@ def opened(batch: "Batch", *, fresh: bool = False) -> "Iterator[Ledger]":
         yield book
 
 
+def plans_of(
+    batch: "Batch", ours: "Callable[[Item], bool]", hands: "Hands | None" = None, *, bar: bool = True
+) -> "list[Planned | Unreadable]":
+    """What each item comes to, with a bar meanwhile: to measure a clip takes seconds. Hands measure several at a time."""
+    from rsvideo.batch import plan, workers
+    from rsvideo.cli.progress import progress_bar
+
+    with refusing(), progress_bar(shown=bar) as observe:
+        found = workers.found(plan.clips(batch), hands, observe) if hands else {}
+        return plan.settled(batch, ours, found, observe)
+
+
 def carried_out(
     batch: "Batch",
     book: "Ledger",

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Option
 
-from rsvideo.cli.batches import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, print_json, read
+from rsvideo.cli.batches import Job, Jobs, Overwrite, Shown, carried_out, opened, ours, plans_of, print_json, read
 from rsvideo.cli.exit_codes import Code, note, refusing
 from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
@@ -22,9 +22,10 @@ def chunks(path: Job, sets: Sets = None, overwrite: Overwrite = False) -> int:
     from rsvideo.cli import quiet
 
     batch = read(path, sets, overwrite=overwrite)
-    with opened(batch) as book, refusing(), quiet.c_libraries():
-        plans = plan.settled(batch, ours(batch, book))
-        cut = farm.laid_out(batch, plans)
+    with opened(batch) as book:
+        plans = plans_of(batch, ours(batch, book))
+        with refusing(), quiet.c_libraries():
+            cut = farm.laid_out(batch, plans)
     for each in plans:
         if isinstance(each, plan.Planned):
             note(f"{each.source}: {words}" for words in each.notes)

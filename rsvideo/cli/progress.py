@@ -9,13 +9,13 @@ from rsvideo.progress import Observer, Progress, ignore
 
 
 @contextlib.contextmanager
-def progress_bar() -> Iterator[Observer]:
+def progress_bar(*, shown: bool = True) -> Iterator[Observer]:
     """Shows the stage and how much of the whole work is done.
 
     Print nothing else meanwhile: say it before or afterwards.
     """
     with quiet.c_libraries() as terminal:
-        if not terminal.isatty():
+        if not (shown and terminal.isatty()):
             yield ignore
             return
         from rich.console import Console
@@ -23,10 +23,10 @@ def progress_bar() -> Iterator[Observer]:
         from rich.progress import Progress as Bar
 
         columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeElapsedColumn()
-        with Bar(*columns, console=Console(file=terminal), transient=True) as shown:
-            task = shown.add_task("starting", total=1.0)
+        with Bar(*columns, console=Console(file=terminal), transient=True) as bar:
+            task = bar.add_task("starting", total=1.0)
 
             def observe(at: Progress) -> None:
-                shown.update(task, description=printable(at.stage), completed=at.fraction)
+                bar.update(task, description=printable(at.stage), completed=at.fraction)
 
             yield observe

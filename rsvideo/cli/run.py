@@ -3,17 +3,18 @@
 import contextlib
 import shutil
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from rsvideo.cli.batches import Job, Jobs, Overwrite, Shown, carried_out, made, opened, ours, print_json, read
+from rsvideo.cli.batches import Job, Jobs, Overwrite, Shown, carried_out, made, opened, ours, plans_of, print_json, read
 from rsvideo.cli.exit_codes import refusing
 from rsvideo.cli.terminal import say
 from rsvideo.cli.validate import Sets
 
 if TYPE_CHECKING:
-    from rsvideo.batch.plan import Batch, Item, Planned
+    from rsvideo.batch.plan import Batch, Item, Planned, Unreadable
     from rsvideo.batch.workers import Hands
     from rsvideo.pipeline.pieces import Chunk
 
@@ -39,21 +40,30 @@ def run(
     Exit codes: 0 all done; 1 one failed; 2 the request is wrong; 3 a source is damaged or missing; 4 a result exists;
     5 done, but more frames failed than report.most_failed_frames.
     """
-    from rsvideo.batch import plan, status, workers
-    from rsvideo.cli import quiet
+    from rsvideo.batch import status
 
-    batch = read(path, sets, overwrite=overwrite)
-    if dry_run and not batch.working.exists():
+    batch, bar = read(path, sets, overwrite=overwrite), progress == "auto"
+    if dry_run:
+        with _replaceable(batch) as own, _hands(batch, None, jobs) as crew:
+            return _print_plan(plans_of(batch, own, crew if jobs > 1 else None, bar=bar), batch.folder, json=json)
+    with (
+        opened(batch, fresh=not resume) as book,
+        status.noted(batch, path, workers=jobs, scheduler=scheduler) as recorder,
+        _hands(batch, scheduler, jobs) as crew,
+    ):
+        plans = plans_of(batch, ours(batch, book), crew if jobs > 1 and scheduler is None else None, bar=bar)
+        return carried_out(batch, book, plans, crew, recorder, progress=progress, json=json)
+
+
+@contextlib.contextmanager
+def _replaceable(batch: "Batch") -> "Iterator[Callable[[Item], bool]]":
+    """Whether what stands under an item's names was written by this job, for a plan that leaves nothing behind."""
+    if batch.working.exists():
+        with opened(batch) as book:
+            yield ours(batch, book)
+    else:
         with made(batch.folder):
-            return _print_plan(batch, lambda _: False, json=json)
-    with opened(batch, fresh=not resume and not dry_run) as book:
-        if dry_run:
-            return _print_plan(batch, ours(batch, book), json=json)
-        with status.noted(batch, path, workers=jobs, scheduler=scheduler) as recorder, _hands(batch, scheduler, jobs) as crew:
-            with refusing(), quiet.c_libraries():
-                found = workers.found(plan.clips(batch), crew) if jobs > 1 and scheduler is None else {}
-                plans = plan.settled(batch, ours(batch, book), found)
-            return carried_out(batch, book, plans, crew, recorder, progress=progress, json=json)
+            yield lambda _: False
 
 
 @contextlib.contextmanager
@@ -75,25 +85,25 @@ def _hands(batch: "Batch", scheduler: str | None, jobs: int) -> "Iterator[Hands]
         yield hands
 
 
-def _print_plan(batch: "Batch", ours: "Callable[[Item], bool]", *, json: bool) -> int:
+def _print_plan(plans: "Sequence[Planned | Unreadable]", folder: Path, *, json: bool) -> int:
     from rsvideo.batch import plan
     from rsvideo.cli import quiet
     from rsvideo.cli.batch_progress import clock
     from rsvideo.cli.exit_codes import Code
 
     with refusing(), quiet.c_libraries():
-        plans = [(each, plan.chunks(each) if isinstance(each, plan.Planned) else ()) for each in plan.settled(batch, ours)]
-    planned = [each for each, _ in plans if isinstance(each, plan.Planned)]
+        parts = [(each, plan.chunks(each) if isinstance(each, plan.Planned) else ()) for each in plans]
+    planned = [each for each in plans if isinstance(each, plan.Planned)]
     if json:
-        print_json({"clips": [each.values(cuts) if isinstance(each, plan.Planned) else vars(each) for each, cuts in plans]})
+        print_json({"clips": [each.values(cuts) if isinstance(each, plan.Planned) else vars(each) for each, cuts in parts]})
     else:
-        for each, cuts in plans:
+        for each, cuts in parts:
             if isinstance(each, plan.Planned):
                 _print_planned(each, cuts)
             else:
                 print(f"{each.source} -> nothing: {each.fault}")
         seconds, size = sum(each.seconds for each in planned), sum(each.bytes for each in planned)
-        free = shutil.disk_usage(batch.folder).free
+        free = shutil.disk_usage(folder).free
         print(f"in all about {clock(seconds)} of one worker, {size / 1e9:.2g} GB of disk; {free / 1e9:.2g} GB are free")
     return Code.DONE if len(planned) == len(plans) else Code.UNREADABLE
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from rsvideo.batch.plan import Found
 from rsvideo.batch.workers import Answer, Failed, Look, Order, found
 from rsvideo.config.request import Request, Sections
+from rsvideo.progress import Observer, Progress, ignore
 
 NOTHING = Found(measured=None, gyro_offset=None, gyro_axes=None)
 
@@ -39,11 +40,11 @@ class Stub:
         yield order, NOTHING if order.request.source.stem in "abcd" else failed
 
 
-def looked_at(*stems: str) -> tuple[list[str], Stub]:
+def looked_at(*stems: str, observe: Observer = ignore) -> tuple[list[str], Stub]:
     """The outputs of whose clips something was found."""
     hands = Stub()
     requests = [Request.of(Path(f"{stem}.mp4"), Path(f"{stem}_out.mp4"), Sections()) for stem in stems]
-    return [*found(requests, hands)], hands
+    return [*found(requests, hands, observe)], hands
 
 
 def test_as_many_clips_are_looked_at_as_hands_are_free() -> None:
@@ -58,3 +59,14 @@ def test_of_a_damaged_clip_and_of_one_whose_worker_died_nothing_is_found() -> No
 def test_after_a_wrong_request_no_more_are_looked_at() -> None:
     outputs, hands = looked_at("wrong", "a", "b", "c")
     assert (outputs, hands.given) == (["a_out.mp4"], ["wrong", "a"])
+
+
+def test_how_many_clips_are_looked_into_is_told() -> None:
+    told = list[Progress]()
+    looked_at("a", "damaged", "b", "c", observe=told.append)
+    assert [(each.stage.split()[-1], each.fraction) for each in told] == [
+        ("a.mp4", 0.25),
+        ("damaged.mp4", 0.5),
+        ("b.mp4", 0.75),
+        ("c.mp4", 1.0),
+    ]
