@@ -146,7 +146,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     )
     if isinstance(found, exposure.Unclear):
         most = found.most and round(found.most, DECIMALS)
-        shown = shown.model_copy(update={"most": most, "unclear": (*unclear, f"exposure: {found.reason}")})
+        shown = shown.model_copy(update={"most": most, "unclear": (*unclear, timing.UNCLEAR_EXPOSURE + found.reason)})
     else:
         of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
         shown = shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
@@ -158,7 +158,7 @@ def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources)
     typed, checked = (timing.exposure_of(given, replace(sources, measured=each))[0] for each in (None, shown))
     if typed is None or checked is None or typed.value == checked.value or not exposure.in_better_focus(run, typed.value, checked.value):
         return shown
-    reason = f"exposure: its blur shows another one than {1e3 * typed.value:.4g} ms, but its frames are in focus with that"
+    reason = f"{timing.UNCLEAR_EXPOSURE}its blur shows another one than {1e3 * typed.value:.4g} ms, but its frames are in focus with that"
     return shown.model_copy(update={"exposure": None, "most": None, "blur": None, "deviation": 0.0, "unclear": (*shown.unclear, reason)})
 
 

@@ -21,6 +21,7 @@ from rsvideo.shooting.readout_table import PERIOD_SLACK, Readout
 _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.2  # ratio of a stated exposure and the measured one from which on one of them is wrong; measured ones rarely are by 1.1
 _CERTAIN = 5.0  # deviations of the measured one, by which they must differ too: these do not hold what the path itself is off by
+UNCLEAR_EXPOSURE = "exposure: "  # before the reason why blur does not show it
 _BY_BLUR = "measured from the clip's blur"
 _SOFT = 2.0  # px, a lens's or a codec's blur, which may lengthen what is measured: clips of 1.8 and 2.4 px showed 2.9
 
@@ -132,22 +133,25 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
         return stated, ()
     if measured.exposure is None:
         if measured.most is None or stated.value < _CONTRADICTED * measured.most:
-            return stated, ()
+            reasons = (each.removeprefix(UNCLEAR_EXPOSURE) for each in measured.unclear if each.startswith(UNCLEAR_EXPOSURE))
+            words = f"the exposure of {_fraction(stated.value)} is taken as given, since the clip does not show its own"
+            return stated, tuple(f"{words}: {reason}" for reason in reasons)
         taken = _from_blur(measured, sources.fps)
         return taken, (
             f"the clip's blur is at least {stated.value / measured.most:.2g} times shorter than an exposure of"
             f" {_fraction(stated.value)} leaves along its motion; {_ms(taken.value)} is taken, --force takes what is given",
         )
-    softness = measured.exposure * _SOFT / measured.blur if measured.blur else 0.0
     ratio = stated.value / measured.exposure
-    softened = ratio if ratio > 1 else math.hypot(stated.value, softness) / measured.exposure
     apart = abs(stated.value - measured.exposure)
-    if max(softened, 1 / softened) < _CONTRADICTED or apart < _CERTAIN * measured.deviation:
+    if max(ratio, 1 / ratio) < _CONTRADICTED or apart < _CERTAIN * measured.deviation:
         return stated, ()
     times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
+    words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"
+    softness = measured.exposure * _SOFT / measured.blur if measured.blur else 0.0
+    if math.hypot(stated.value, softness) * _CONTRADICTED > measured.exposure > stated.value:
+        return stated, (f"{words}, which softness of up to {_SOFT:g} px explains as well; {_ms(stated.value)} is taken",)
     return _from_blur(measured, sources.fps), (
-        f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion;"
-        f" is it {_fraction(measured.exposure)}? {_ms(measured.exposure)} is taken, --force takes what is given",
+        f"{words}; is it {_fraction(measured.exposure)}? {_ms(measured.exposure)} is taken, --force takes what is given",
     )
 
 

@@ -8,7 +8,7 @@ CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp
 FACTOR gives the readout and so many times the exposure, of a frame's period at most: what a wrong number does. RESULTS gets NAME.WAY.mkv
 and its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are after the best shift and scale of each whole frame. Frames
 count as blurred where the middle one of all pixels moves by more than 2 px while the middle scanline is open. A wrong exposure counts as
-told where the command warns of it in any way.
+told where the command says what the blur shows instead, or what is assumed; not where it says that the clip does not show its own.
 
 A restoration depends on the shutter that is settled for it: ways that settle the same one share it. --set tries other numbers of
 rsvideo.restoration than the present ones: trust.OUT_OF_FOCUS=-0.004.
@@ -34,7 +34,7 @@ from rsvideo.report.metrics import psnr
 
 HARMED, MUCH = 0.1, 0.5  # dB below the input
 BLURRED = 2.0  # px
-WARNINGS = "blur is", "does not show"
+WARNINGS = "blur is", "does not show all"
 
 
 def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:

@@ -228,12 +228,22 @@ def test_an_exposure_that_the_blur_contradicts_is_not_taken(stated: float, words
     assert (forced.value, notes) == (stated, ())
 
 
-def test_softness_is_no_contradiction_to_a_shorter_exposure() -> None:
-    for blur, taken in ((2.9, 0.0025), (8.0, 0.004)):
+def test_softness_explains_a_shorter_exposure_and_the_user_is_told() -> None:
+    for blur, taken, words in ((2.9, 0.0025, "softness of up to 2 px explains"), (8.0, 0.004, "is it 1/250 s?")):
         soft = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, blur=blur))
-        found, _ = exposure_of(Camera(exposure=0.0025), soft)
+        found, (note,) = exposure_of(Camera(exposure=0.0025), soft)
         assert found is not None
         assert found.value == taken
+        assert "1.6 times longer than an exposure of 1/400 s" in note
+        assert words in note
+
+
+def test_an_exposure_that_nothing_checks_is_taken_as_given_and_the_user_is_told() -> None:
+    shown = Measured(most=0.004, unclear=("focal length: vague", "exposure: its motion leaves too little blur"))
+    found, (note,) = exposure_of(Camera(exposure=0.002), replace(NOTHING, measured=shown))
+    assert found is not None
+    assert found.value == 0.002
+    assert note.endswith("1/500 s is taken as given, since the clip does not show its own: its motion leaves too little blur")
 
 
 @pytest.mark.parametrize("stated", [0.0034, 0.0045])
