@@ -145,7 +145,7 @@ class Fusion:
         self._frame, self._first, self._patch, self._margin = frame, first, patch, margin
         self._observed, self._unclipped = _grey(frame.planes), frame.data.min(axis=0)
         self._limit = doubt**2 * (self._misfit(first.planes) + noise**2 / 2)
-        self._weights = xp.asarray(weights, xp.float32)
+        self._weights = self._alone = xp.asarray(weights, xp.float32)
         self._total = self._weights * first.planes
         self._explained, self._shown = xp.zeros(weights.shape, xp.float32), xp.zeros(weights.shape, bool)
 
@@ -165,6 +165,14 @@ class Fusion:
     def found(self) -> tuple[Float[np.ndarray, "rows cols"], Bool[np.ndarray, "rows cols"], Float[np.ndarray, "rows cols"]]:
         """How well the best neighbour explains the frame, whether any shows the place, and the weight of all."""
         return to_host(self._explained), to_host(self._shown), to_host(self._weights)
+
+    def beside(self, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Of the grey frame b: b, K t with the mean t of the neighbours alone, t, and where these weigh more than `least` and b is data."""
+        beside, own = self._weights - self._alone, _grey(self._first.planes)
+        served = beside > xp.float32(least)
+        target = xp.where(served, (_grey(self._total) - self._alone * own) / xp.where(served, beside, xp.float32(1)), own)
+        served = served & (self._unclipped > 0)
+        return to_host(self._observed), to_host(self._frame.blurred(target)), to_host(target), to_host(served)
 
     def _misfit(self, image: Array) -> Array:
         return resampling.mean(self._unclipped * (self._frame.blurred(_grey(image)) - self._observed) ** 2, self._patch)

@@ -5,10 +5,10 @@ most, into a target t. What does not belong there (what moved by itself, or was 
 where K t_j of a neighbour j does not explain b, it counts for nothing. Then l = argmin |K l - b|^2 + rho |l - t|^2.
 
 Where neighbours show a place and none explains the frame, the frame's own latent image has nobody to agree with: mostly a path that is
-wrong there, whatever its residual says.
+wrong there, whatever its residual says. How much of the path's blur the frame shows is measured by them, too (`predicted_blur`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,6 +24,7 @@ from rsvideo.physics.luminance import LIFT
 from rsvideo.restoration import alignment, device_frame
 from rsvideo.restoration.alignment import axes, grey, misaligned, sampled, softened
 from rsvideo.restoration.blurred_frame import BlurredFrame
+from rsvideo.restoration.predicted_blur import Confirmed, confirmed
 from rsvideo.restoration.rectification import NODES, between, nodes
 
 RIDGE = 0.6  # rho; origin: by trial
@@ -31,6 +32,7 @@ FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are lef
 MOST = 4  # neighbours, the sharpest
 SHORTEST = 1.0  # px; no blur is counted as shorter
 PATCH = 15  # px over which a neighbour must explain the frame; origin: by trial
+LEAST_SHOWN = 1e-3  # of the frame's own weight, that neighbours have together where they show a place
 LEAST_OWN = 1e-3  # of the frame's own weight, where its data show nothing: something is shown where no neighbour does, either
 DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
 LANCZOS = 4  # px from its place, the farthest pixel that a sample reads
@@ -63,6 +65,11 @@ class Fused:
     explained: Float[np.ndarray, "rows cols"]  # 0 to 1
     shown: Bool[np.ndarray, "rows cols"]  # whether any neighbour shows the place
     support: Float[np.ndarray, "rows cols"]  # 0 to 1: the share that the frame's own data grant, or neighbours that count as much
+    confirmed: Confirmed | None  # how much of the path's blur the frame shows; None: not wanted
+
+
+Displaced = Callable[[Float[np.ndarray, "rows cols"]], Float[np.ndarray, "rows cols"]]
+"""D of `predicted_blur`: a picture whose scanlines are displaced as the path says, and not blurred."""
 
 
 def helpful(first: PosedImage, others: Sequence[PosedImage]) -> list[PosedImage]:
@@ -78,15 +85,17 @@ def fused(
     noise: float,
     *,
     own: Float[np.ndarray, "rows cols"] | None = None,
+    displaced: Displaced | None = None,
 ) -> Fused:
     """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'.
 
-    `own` is the share of the frame's own latent image that its data grant, 0 to 1: all of it by default. It counts by as much.
+    `own` is the share of the frame's own latent image that its data grant, 0 to 1: all of it by default. It counts by as much. Where
+    scanlines are `displaced` as the path says, the answer also says how much of the path's blur the frame shows.
     """
     share = np.ones(first.latent.shape[:2], np.float32) if own is None else np.maximum(own, LEAST_OWN).astype(np.float32)
     weights = np.float32(first.weight) * share
     if frame.device == "cuda":
-        return _fused_there(frame, first, others, intrinsics, noise, weights)
+        return _fused_there(frame, first, others, intrinsics, noise, weights, displaced)
     pixels, valid = frame.observed()
     observed, unclipped = grey(pixels), least_channel(valid)
 
@@ -94,7 +103,7 @@ def fused(
         return cv2.boxFilter(unclipped * (frame.blurred(grey(image)) - observed) ** 2, -1, (PATCH, PATCH))
 
     limit = DOUBT**2 * (misfit(first.latent) + noise**2 / 2)
-    total = weights[..., None] * first.latent
+    total, alone = weights[..., None] * first.latent, weights.copy()
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
     soft = softened(first.latent)
     at_once = threads.most()  # all of them would take more memory
@@ -106,12 +115,21 @@ def fused(
             image *= weight[..., None]
             total += image
             weights += weight
+    found = None
+    if displaced:
+        beside = weights - alone
+        served = beside > LEAST_SHOWN * first.weight
+        target = np.where(served, (grey(total) - alone * grey(first.latent)) / np.where(served, beside, 1), grey(first.latent))
+        found = confirmed(observed, frame.blurred(target), displaced(target), served & (unclipped > 0))
     total /= weights[..., None]
-    return _result(frame.towards(total, RIDGE), explained, shown, weights, first)
+    return _result(frame.towards(total, RIDGE), explained, shown, weights, first, found)
 
 
-def _result(latent: Any, explained: np.ndarray, shown: np.ndarray, weights: np.ndarray, first: PosedImage) -> Fused:
-    return Fused(latent=latent, explained=explained, shown=shown, support=np.minimum(weights / np.float32(first.weight), 1))
+def _result(
+    latent: Any, explained: np.ndarray, shown: np.ndarray, weights: np.ndarray, first: PosedImage, found: Confirmed | None
+) -> Fused:
+    support = np.minimum(weights / np.float32(first.weight), 1)
+    return Fused(latent=latent, explained=explained, shown=shown, support=support, confirmed=found)
 
 
 def _fused_there(
@@ -121,6 +139,7 @@ def _fused_there(
     intrinsics: Intrinsics,
     noise: float,
     weights: Float[np.ndarray, "rows cols"],
+    displaced: Displaced | None,
 ) -> Fused:
     """The same on the GPU, where neighbours follow one another; `weights` are those of the frame's own latent image."""
     rows, cols, _ = first.latent.shape
@@ -134,7 +153,11 @@ def _fused_there(
         found = alignment.least_squares(rows, step, lambda found, sums=neighbour.sums: sums(found @ basis.T))
         total.add(neighbour, found @ basis.T, other.weight)
     explained, shown, weights = total.found()
-    return _result(total.latent(RIDGE), explained, shown, weights, first)
+    found = None
+    if displaced:
+        observed, blurred, target, served = total.beside(LEAST_SHOWN * first.weight)
+        found = confirmed(observed, blurred, displaced(target), served)
+    return _result(total.latent(RIDGE), explained, shown, weights, first, found)
 
 
 def _at_pose(

@@ -14,15 +14,16 @@ from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import nonblind, search, single_frame
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.extent import beyond, longest
-from rsvideo.restoration.fusion import PosedImage, fused, helpful
+from rsvideo.restoration.fusion import Displaced, PosedImage, fused, helpful
 from rsvideo.restoration.movement import Evidence, Movement
-from rsvideo.restoration.rectification import Share, straightened
+from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.rectification import Share, read_out, scanline_poses, straightened
 from rsvideo.restoration.resolution import too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.settings import Device, Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
-from rsvideo.restoration.trust import LONG, agreement, observed, trust
+from rsvideo.restoration.trust import LONG, agreement, confirmation, observed, trust
 
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # px, from which on it is fully restored
@@ -192,13 +193,22 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
     others = [] if too_long(view, image.length) else helpful(image, others)
     if others:
         frame = tiled_frame(view, alone.trajectory, settings, flow)
-        both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own)
+        displaced = _displaced(view, alone.trajectory, flow) if waiting.evidence else None
+        both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own, displaced=displaced)
         latent = frame.to_host(nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent)
         if waiting.evidence:
             agreed = agreement(both.explained, both.shown, waiting.evidence.certainty)
+            if both.confirmed:
+                agreed *= confirmation(both.confirmed, image.length)
             waiting = replace(waiting, share=waiting.share * agreed[..., None], own=both.support)
     elif waiting.draft:
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent
     else:
         return alone
     return replace(alone, latent=waiting.mixed(latent, settings.device), seconds=alone.seconds + time.monotonic() - started)
+
+
+def _displaced(view: View, path: Trajectory, flow: Flow | None) -> Displaced:
+    """How a path, and a field of velocities beside it, displace the scanlines of a picture."""
+    poses = scanline_poses(path, view.camera)
+    return lambda image: read_out(image[..., None], poses, view.camera, flow)[..., 0]

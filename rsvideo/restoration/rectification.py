@@ -71,14 +71,19 @@ def scanline_poses(path: Trajectory, camera: Camera) -> Float[np.ndarray, "scanl
 
 
 def read_out(
-    image: Float[np.ndarray, "scanlines along channels"], poses: Float[np.ndarray, "scanlines axes"], camera: Camera
+    image: Float[np.ndarray, "scanlines along channels"],
+    poses: Float[np.ndarray, "scanlines axes"],
+    camera: Camera,
+    flow: Flow | None = None,
 ) -> Float32[np.ndarray, "scanlines along channels"]:
     """What a rolling shutter without blur reads of a global shutter's image, each scanline at its pose: the inverse of `rectified`."""
-    lens = camera.intrinsics
-    x, y = np.meshgrid(np.arange(lens.cols, dtype=float), np.arange(lens.rows, dtype=float))
-    moved = turned(lens, x, y, np.broadcast_to(poses[:, None], (lens.rows, lens.cols, poses.shape[1])))
-    at = (np.stack([x, y], axis=-1) + moved).astype(np.float32)
-    return _lanczos(np.asarray(image, np.float32), at[..., 0], at[..., 1])
+    lens, timing, columns = camera.intrinsics, camera.timing, nodes(camera.intrinsics.cols)
+    home = _grid(np.arange(lens.rows), columns)
+    at = home + turned(lens, home[..., 0], home[..., 1], np.broadcast_to(poses[:, None], (*home.shape[:2], poses.shape[1])))
+    if flow:
+        when = timing.row_start() + timing.exposure / 2 - timing.middle
+        at = at - when[:, None, None] * _everywhere(flow, columns, lens.rows)
+    return _lanczos(np.asarray(image, np.float32), *_apart(between(at.astype(np.float32), columns)))
 
 
 def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.ndarray, "scanlines along 2"]:

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.focus import focus_map
+from rsvideo.restoration.predicted_blur import Confirmed
 from rsvideo.restoration.scene import Scene, reduced
 
 SHORT, LONG = 1.5, 3.0  # px of blur within an exposure: up to the first, deblurring gains nothing; from the second on it is done in full
@@ -22,6 +23,9 @@ SURELY, DOUBT = 5.0, 2.0  # standard errors that s of a whole frame must be abov
 # it may be below that before it is not restored at all; all three chosen on scenes of several depths
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
+MISSING, CONFIRMED = 0.3, 0.5  # of the blur that the path predicts, that a frame shows about a pixel
+FRAME_MISSING, FRAME_CONFIRMED = 0.4, 0.6  # the same of the whole frame; all four chosen on 51 clips (docs/method.md, (18))
+UNCHECKED, CHECKED = 2.0, 3.0  # px of blur: shorter blur is hardly longer than what neighbours are off by
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
 CREDIT_BLUR, CREDIT_REGION, CREDIT_FRAME = 0.5, 3.5e-3, 5e-4  # px; s of a region; s of a frame: by so much all three may be less where the
 # clip's blur has shown its exposure; chosen on scenes of several depths and real ones
@@ -79,6 +83,13 @@ def agreement(
     """
     share = _between(np.where(shown, explained, certainty), APART, AGREED).astype(np.float32)
     return cv2.blur(share, (AGREEMENT, AGREEMENT))
+
+
+def confirmation(predicted: Confirmed, length: float) -> Float[np.ndarray, "rows cols"]:
+    """The share of a restoration that the frame's own blur grants, 0 to 1, along a path whose blur is `length` px long."""
+    about = _between(predicted.about, MISSING, CONFIRMED) * _between(predicted.whole, FRAME_MISSING, FRAME_CONFIRMED)
+    checked = float(_between(length, UNCHECKED, CHECKED))
+    return cv2.blur((1 - checked * (1 - about)).astype(np.float32), (AGREEMENT, AGREEMENT))
 
 
 def _between(value: np.ndarray | float, none: float, whole: float) -> np.ndarray:

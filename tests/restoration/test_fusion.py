@@ -11,6 +11,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.nonblind import deblur, tiled
+from rsvideo.restoration.rectification import read_out, scanline_poses
 from rsvideo.restoration.settings import Settings
 
 ROWS, COLS = 96, 192
@@ -74,6 +75,27 @@ def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
     both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [stranger], CAMERA.intrinsics, 0.004)
     assert np.median(both.explained[16:-16, 16:-16]) < 0.1
     assert psnr(both.latent, long.truth) > psnr(own, long.truth) - 0.5
+
+
+@pytest.mark.parametrize(
+    ("found", "least", "most"),
+    [(LONG, 0.9, 1.1), (1.6 * LONG, 0.3, 0.75), (LONG[:, [1, 0, 2]] * [1.0, -1.0, 1.0], 0.0, 0.75)],
+    ids=["right", "exposure too long", "across"],
+)
+def test_neighbours_tell_a_right_path_from_one_of_a_wrong_exposure_or_another_motion(long, found, least: float, most: float) -> None:
+    near = taken(SHORT, skimage.data.astronaut()[20:180, 60:310])
+    frame, own = alone(long, found)
+    poses = scanline_poses(path(found), CAMERA)
+    both = fused(
+        frame,
+        PosedImage(latent=own, pose=np.zeros(3), length=12.0),
+        [PosedImage(latent=alone(near, SHORT)[1], pose=np.zeros(3), length=1.5)],
+        CAMERA.intrinsics,
+        0.004,
+        displaced=lambda image: read_out(image[..., None], poses, CAMERA)[..., 0],
+    )
+    assert both.confirmed is not None
+    assert least < both.confirmed.whole < most
 
 
 def test_neighbours_of_far_longer_blur_do_not_help() -> None:

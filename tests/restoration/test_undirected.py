@@ -11,6 +11,7 @@ from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
 from rsvideo.restoration import single_frame, undirected
+from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import read_out, rectified, scanline_poses
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.settings import Settings
@@ -18,6 +19,7 @@ from rsvideo.restoration.settings import Settings
 ROWS, COLS = 120, 160
 LENS = Intrinsics.centred(focal=300.0, rows=ROWS, cols=COLS)
 INNER = np.s_[14:-14, 14:-14]
+NEAR = Flow(points=np.array([[40.0, 60.0]]), weights=np.array([[250.0, -150.0]]), length=60.0)  # px, px/s
 
 
 def shot(readout: float, exposure: float = 0.02) -> tuple[View, Trajectory, np.ndarray]:
@@ -41,10 +43,11 @@ def latent(view: View, path: Trajectory) -> np.ndarray:
     return np.clip(single_frame.restored(view, Settings(prior="tv"), path=path).latent, 0, 1)
 
 
-def test_what_a_shutter_reads_of_an_image_rectifies_to_it() -> None:
+@pytest.mark.parametrize("flow", [None, NEAR])
+def test_what_a_shutter_reads_of_an_image_rectifies_to_it(flow: Flow | None) -> None:
     view, path, truth = shot(readout=0.02)
-    read = read_out(truth, scanline_poses(path, view.camera), view.camera)
-    back = rectified(to_scanlines(Frame(pixels=read, clipped=read >= 1), view.camera), path).pixels
+    read = read_out(truth, scanline_poses(path, view.camera), view.camera, flow)
+    back = rectified(to_scanlines(Frame(pixels=read, clipped=read >= 1), view.camera), path, flow=flow).pixels
     assert distance(back, truth) < 0.1 * distance(read, truth)
 
 

@@ -87,11 +87,16 @@ def test_what_neighbours_make_of_a_frame_is_the_processors(pair: tuple[PosedImag
     how = {"samples": 5, "tolerance": 0.25}
     frames = [tiled(first.latent, clipped, path(), CAMERA, **how) for tiled in (nonblind.tiled, device_frame.tiled)]
     own = np.linspace(0, 1, ROWS * COLS, dtype=np.float32).reshape(ROWS, COLS)
-    here, there = (fusion.fused(frame, first, [other, stranger], LENS, 2e-3, own=own) for frame in frames)
+    still = {"own": own, "displaced": lambda image: image}
+    here, there = (fusion.fused(frame, first, [other, stranger], LENS, 2e-3, **still) for frame in frames)
     np.testing.assert_array_equal(there.shown, here.shown)
     assert 0.1 < here.shown.mean() < 1
     np.testing.assert_allclose(there.explained, here.explained, atol=0.03)
     np.testing.assert_allclose(there.support, here.support, atol=0.03)
+    assert here.confirmed is not None
+    assert there.confirmed is not None
+    assert there.confirmed.whole == pytest.approx(here.confirmed.whole, abs=0.03)
+    np.testing.assert_allclose(np.median(there.confirmed.about), np.median(here.confirmed.about), atol=0.05)
     np.testing.assert_allclose(frames[1].to_host(there.latent), here.latent, atol=3e-3)
     assert np.abs(here.latent - first.latent).max() > 0.02
 

@@ -1,0 +1,52 @@
+"""Neighbours show how much of the blur that a path predicts is in a frame."""
+
+import cv2
+import numpy as np
+import pytest
+
+from rsvideo.restoration.predicted_blur import confirmed
+from rsvideo.restoration.trust import confirmation
+
+ROWS, COLS = 80, 120
+EVERYWHERE = np.ones((ROWS, COLS), bool)
+
+
+def scene(*, texture: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
+    """A picture, and the same blurred."""
+    sharp = 0.5 + texture * np.random.default_rng(0).normal(size=(ROWS, COLS)).astype(np.float32)
+    return sharp, cv2.blur(sharp, (7, 1))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0, 1.3])
+def test_the_share_of_the_blur_that_is_there_is_found(share: float) -> None:
+    sharp, blurred = scene()
+    found = confirmed(sharp + np.float32(share) * (blurred - sharp), blurred, sharp, EVERYWHERE)
+    assert found.whole == pytest.approx(share, abs=1e-3)
+    np.testing.assert_allclose(found.about, share, atol=0.01)
+
+
+def test_what_noise_hides_is_not_held_against_the_path() -> None:
+    sharp, blurred = scene(texture=0.002)
+    noisy = sharp + 0.05 * np.random.default_rng(1).normal(size=sharp.shape).astype(np.float32)
+    assert (confirmed(noisy, blurred, sharp, EVERYWHERE).about > 1).mean() > 0.5
+
+
+def test_where_no_neighbour_shows_the_place_the_path_is_followed() -> None:
+    sharp, blurred = scene()
+    shown = EVERYWHERE.copy()
+    shown[:, 60:] = False
+    found = confirmed(sharp, blurred, sharp, shown)
+    np.testing.assert_array_equal(found.about[:, 60:], 1)
+    assert found.about[:, :60].max() < 0.1
+
+
+def test_blur_that_is_not_there_is_not_taken_away_unless_it_is_short() -> None:
+    sharp, blurred = scene()
+    half = sharp.copy()
+    half[:, :60] = blurred[:, :60]
+    found = confirmed(half, blurred, sharp, EVERYWHERE)
+    assert found.whole == pytest.approx(0.5, abs=0.05)
+    share = confirmation(found, 6.0)
+    assert share[40, 20] == pytest.approx(0.5, abs=0.15)  # by the frame as a whole
+    assert share[40, 100] == 0
+    np.testing.assert_array_equal(confirmation(found, 2.0), 1)
