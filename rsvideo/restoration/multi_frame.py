@@ -112,7 +112,10 @@ class _Judged:
 
 
 def verdicts(frames: Iterable[Frame], movement: Movement, camera: Camera, settings: Settings) -> Iterator[Verdict | None]:
-    """What `restored` will answer of each frame, without its work; None of a frame without a trajectory, which is judged by that work."""
+    """What `restored` will answer of each frame, without its work, unless its neighbours show otherwise.
+
+    None of a frame without a trajectory, which is judged by that work.
+    """
     movement = movement.along_scanlines(camera.timing.direction)
     paths = zip(frames, movement.cameras(camera), movement.within, movement.beside, strict=True)
     for frame, taken, path, evidence in paths:
@@ -183,8 +186,8 @@ def _straight(
 
 
 def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
-    """The frame restored with its neighbours, and where none of them agrees, straightened only."""
-    alone, image = waiting.restored, waiting.image
+    """The frame restored with its neighbours; straightened only where none agrees, or where its blur is not what its path predicts."""
+    alone, image, verdict = waiting.restored, waiting.image, Verdict.RESTORED
     assert alone is not None
     if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
@@ -201,11 +204,13 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
             if both.confirmed:
                 agreed *= confirmation(both.confirmed, image.length)
             waiting = replace(waiting, share=waiting.share * agreed[..., None], own=both.support)
+            verdict = verdict if np.mean(waiting.share, dtype=np.float32) >= LEAST_SHARE else Verdict.STRAIGHTENED
     elif waiting.draft:
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent
     else:
         return alone
-    return replace(alone, latent=waiting.mixed(latent, settings.device), seconds=alone.seconds + time.monotonic() - started)
+    seconds = alone.seconds + time.monotonic() - started
+    return replace(alone, latent=waiting.mixed(latent, settings.device), verdict=verdict, seconds=seconds)
 
 
 def _displaced(view: View, path: Trajectory, flow: Flow | None) -> Displaced:

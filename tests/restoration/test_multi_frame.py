@@ -212,6 +212,21 @@ def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.Monkey
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_focus")
+@pytest.mark.parametrize(("sharp", "verdict"), [(False, Verdict.RESTORED), (True, Verdict.STRAIGHTENED)])
+def test_a_frame_as_sharp_as_its_neighbours_is_not_deblurred_along_a_path_that_predicts_blur(sharp: bool, verdict: Verdict) -> None:
+    moving, _, found = with_a_stranger()
+    frames = moving.recorded
+    if sharp:
+        way, brief = moving.way(2), 0.05 * moving.exposure
+        later = (moving.exposure - brief) / 2  # so that each scanline is open about the same time
+        shot = replace(moving, exposure=brief).shot(replace(way, t0=way.t0 - later, t1=way.t1 - later), 2)
+        frames[2] = replace(frames[2], pixels=shot.blurred)
+    results = list(multi_frame.restored(frames, found, moving.camera, Settings(prior="tv")))
+    assert [results[k].verdict for k in (1, 2, 3)] == [Verdict.RESTORED, verdict, Verdict.RESTORED]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_focus")
 def test_a_motion_that_was_given_is_followed_whatever_the_neighbours_show() -> None:
     moving, frames, found = with_a_stranger()
     how = {"camera": moving.camera, "settings": Settings(prior="tv")}
