@@ -17,15 +17,16 @@ from jaxtyping import Bool, Float
 
 REGION = 25  # px over which beta is measured about a pixel
 INDEPENDENT = 1 / 9  # of these pixels, as noise and errors of neighbours go together over some px
-_NO_BLUR = 1e-12  # of |K t - D t|^2, by which what predicts no blur is divided
+_Sums = np.ndarray | np.float64  # about each pixel, or over the frame
+_NO_BLUR = 1e-12  # of |K t - D t|^2, up to which a path predicts no blur
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Confirmed:
-    """beta over a frame."""
+    """beta over a frame, and a standard error more: what noise hides does not speak against the path."""
 
-    about: Float[np.ndarray, "rows cols"]  # each pixel, and a standard error more; 1 where no neighbour shows the place
-    whole: float
+    about: Float[np.ndarray, "rows cols"]  # each pixel; 1 where no neighbour shows the place
+    whole: float  # 1 where neighbours show nothing, or the path predicts no blur
 
 
 def confirmed(
@@ -37,14 +38,14 @@ def confirmed(
     """beta of a frame b that is `observed`, K t and D t; `shown` is where neighbours show the place, and b is not clipped."""
     weight = shown.astype(np.float32)
     apart, predicted = weight * (observed - displaced), weight * (blurred - displaced)
+    products = apart * predicted, predicted**2, apart**2, weight
+    about = _beta(*(cv2.boxFilter(each, -1, (REGION, REGION), normalize=False, borderType=cv2.BORDER_CONSTANT) for each in products))
+    whole = _beta(*(each.sum(dtype=np.float64) for each in products))
+    return Confirmed(about=np.where(shown, about, 1).astype(np.float32), whole=float(whole))
 
-    def summed(image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-        return cv2.boxFilter(image, -1, (REGION, REGION), normalize=False, borderType=cv2.BORDER_CONSTANT)
 
-    together, power, all_of_it = (summed(image) for image in (apart * predicted, predicted**2, apart**2))
-    power = np.maximum(power, _NO_BLUR)
-    beta = together / power
-    left = np.maximum(all_of_it - beta * together, 0)
-    error = np.sqrt(left / (power * INDEPENDENT * np.maximum(summed(weight), 1)))
-    whole = float((apart * predicted).sum() / max(float((predicted**2).sum()), _NO_BLUR))
-    return Confirmed(about=np.where(shown, beta + error, np.float32(1)), whole=whole)
+def _beta(together: _Sums, power: _Sums, apart: _Sums, count: _Sums) -> np.ndarray:
+    """beta and its standard error together, from <b - D t, K t - D t>, |K t - D t|^2, |b - D t|^2 and how many pixels they hold."""
+    blur = np.maximum(power, _NO_BLUR)
+    left = np.maximum(apart - together**2 / blur, 0)
+    return np.where(power > _NO_BLUR, together / blur + np.sqrt(left / (blur * INDEPENDENT * np.maximum(count, 1))), 1)

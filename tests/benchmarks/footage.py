@@ -34,7 +34,7 @@ from rsvideo.report.metrics import psnr
 
 HARMED, MUCH = 0.1, 0.5  # dB below the input
 BLURRED = 2.0  # px
-WARNINGS = "blur is", "does not show all"
+WARNINGS, UNCHECKED = ("blur is", "does not show"), "is taken as given"  # a note that has one of these words, and not the last
 
 
 def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
@@ -80,7 +80,7 @@ def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.nd
             "harmed_much": int((gain < -MUCH).sum()),
             "restored": verdicts.count("restored"),
             "straightened": verdicts.count("straightened"),
-            "warned": any(words in note for note in (*task.notes, *notes) for words in WARNINGS),
+            "warned": any(words in note and UNCHECKED not in note for note in (*task.notes, *notes) for words in WARNINGS),
         }
         rows.append((row, gain))
         print("| " + " | ".join(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()) + " |", flush=True)

@@ -79,7 +79,7 @@ def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
 
 @pytest.mark.parametrize(
     ("found", "least", "most"),
-    [(LONG, 0.9, 1.1), (1.6 * LONG, 0.3, 0.75), (LONG[:, [1, 0, 2]] * [1.0, -1.0, 1.0], 0.0, 0.75)],
+    [(LONG, 0.9, 1.1), (1.6 * LONG, 0.3, 0.75), (LONG[:, [1, 0, 2]] * [1.0, -1.0, 1.0], 0.0, 0.85)],
     ids=["right", "exposure too long", "across"],
 )
 def test_neighbours_tell_a_right_path_from_one_of_a_wrong_exposure_or_another_motion(long, found, least: float, most: float) -> None:

@@ -38,6 +38,9 @@ def test_where_no_neighbour_shows_the_place_the_path_is_followed() -> None:
     found = confirmed(sharp, blurred, sharp, shown)
     np.testing.assert_array_equal(found.about[:, 60:], 1)
     assert found.about[:, :60].max() < 0.1
+    nowhere = confirmed(sharp, blurred, sharp, ~EVERYWHERE)
+    assert nowhere.whole == 1
+    np.testing.assert_array_equal(confirmation(nowhere, 6.0), 1)
 
 
 def test_blur_that_is_not_there_is_not_taken_away_unless_it_is_short() -> None:
