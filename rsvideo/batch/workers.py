@@ -193,7 +193,7 @@ def found(requests: Sequence[Request], hands: Hands, observe: Observer = ignore)
     waiting, out, ended = deque[Order](Look(request=request) for request in requests), dict[str, Found](), 0
     for order, answer in answers_to(waiting, hands):
         ended += not isinstance(answer, Progress)
-        observe(Progress(stage=f"looking into {order.request.source.name}", fraction=ended / len(requests)))
+        observe(Progress(stage=f"looking into {order.request.named}", fraction=ended / len(requests)))
         if isinstance(answer, Found):
             out[order.request.output.name] = answer
         elif isinstance(answer, Failed) and not (answer.unreadable or answer.again):

@@ -119,7 +119,8 @@ def fused(
     if displaced:
         beside = weights - alone
         served = beside > LEAST_SHOWN * first.weight
-        target = np.where(served, (grey(total) - alone * grey(first.latent)) / np.where(served, beside, 1), grey(first.latent))
+        own_grey = grey(first.latent)
+        target = np.where(served, (grey(total) - alone * own_grey) / np.where(served, beside, 1), own_grey)
         found = confirmed(observed, frame.blurred(target), displaced(target), served & (unclipped > 0))
     total /= weights[..., None]
     return _result(frame.towards(total, RIDGE), explained, shown, weights, first, found)

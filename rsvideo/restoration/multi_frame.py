@@ -23,7 +23,7 @@ from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.settings import Device, Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
-from rsvideo.restoration.trust import LONG, agreement, confirmation, observed, trust
+from rsvideo.restoration.trust import LONG, UNCHECKED, agreement, confirmation, observed, trust
 
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # px, from which on it is fully restored
@@ -196,7 +196,8 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
     others = [] if too_long(view, image.length) else helpful(image, others)
     if others:
         frame = tiled_frame(view, alone.trajectory, settings, flow)
-        displaced = _displaced(view, alone.trajectory, flow) if waiting.evidence else None
+        checked = waiting.evidence is not None and image.length > UNCHECKED
+        displaced = _displaced(view, alone.trajectory, flow) if checked else None
         both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own, displaced=displaced)
         latent = frame.to_host(nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent)
         if waiting.evidence:
