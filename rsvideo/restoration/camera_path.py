@@ -23,9 +23,11 @@ from rsvideo.restoration.point_equations import FIELDS, NODES, SAMPLES, Pair, pa
 from rsvideo.restoration.tracks import Tracks
 from rsvideo.restoration.vibration import MOST, Explained, Tone, spreads, strongest, vibrating
 
-KNOTS = 3  # spline pieces a frame's interval; origin: by trial
+KNOTS = 5  # spline pieces a frame's interval; origin: by trial
 TERMS = 7  # of the polynomial that stands for the spline within one frame; origin: by trial
-STIFFNESS = 1.0  # of the prior on a hand's motion: as believed
+STIFFNESS = 1.0  # of the prior on a hand's motion, before tracks are used: as believed
+BELIEVED = 4.0  # of the path's unknowns, as many as which that belief counts
+JERK = 1.0  # of the typical energy of a piece, at which one counts half (Cauchy's weights); origin: by trial
 ROUNDS = 10  # of reweighting
 FIELD_REACH = 4.0  # px at the picture's longer sides, the first spread of the fields; one that starts too small stays so
 LEAST_FIELD = 0.01  # px
@@ -134,7 +136,8 @@ def _explained(pairs: Sequence[Pair], camera: Camera, path: Spline, tones: Seque
             apart = [(field - common) ** 2 + system.field_variance(covariance) for field, system in zip(fields, systems, strict=True)]
             variance = np.mean(apart, axis=0) + LEAST_FIELD**2
         if not about:
-            prior = pieces.precision(_reaches(path.smooth, pieces.begins, timing))
+            reaches = _reaches(path.smooth, pieces.begins, timing)
+            prior = pieces.precision(reaches, pieces.stiffness(path.smooth.coefficients, precision, reaches))
     return out
 
 
@@ -203,14 +206,43 @@ class _Pieces:
             beside=1 / (spreads(tones, path) * unit) ** 2,
         )
 
-    def precision(self, reaches: Float[np.ndarray, " pieces"]) -> Float[np.ndarray, "unknowns unknowns"]:
+    def precision(
+        self, reaches: Float[np.ndarray, " pieces"], stiffness: Float[np.ndarray, " pieces"] | None = None
+    ) -> Float[np.ndarray, "unknowns unknowns"]:
         """Of the path's coefficients, row by row, if each piece moves by `reaches` px an exposure; where it begins is free."""
-        axes, unit = self.spread.shape[1], self.spread[0] / self.spread[0, 0]
-        smooth = np.diag(np.tile(FREE / unit**2, self.moves[0].shape[1]))
-        for m, reach in zip(self.moves, reaches, strict=True):
-            for a in range(axes):
-                smooth[a::axes, a::axes] += STIFFNESS * m.T @ (m / (reach * self.spread[:, a, None]) ** 2)
+        unit = self.spread[0] / self.spread[0, 0]
+        stiffness = np.full(len(reaches), STIFFNESS) if stiffness is None else stiffness
+        smooth = np.diag(np.tile(FREE / unit**2, self.moves[0].shape[1])) + self._smoothness(reaches, stiffness)
         return np.asarray(block_diag(smooth, np.diag(self.beside.ravel())))
+
+    def _smoothness(
+        self, reaches: Float[np.ndarray, " pieces"], stiffness: Float[np.ndarray, " pieces"]
+    ) -> Float[np.ndarray, "unknowns unknowns"]:
+        """What the prior adds to the precision of the smooth path's coefficients, row by row."""
+        axes, terms = self.spread.shape[1], self.moves[0].shape[1]
+        added = np.zeros((terms * axes, terms * axes))
+        for m, reach, stiff in zip(self.moves, reaches, stiffness, strict=True):
+            for a in range(axes):
+                added[a::axes, a::axes] += stiff * m.T @ (m / (reach * self.spread[:, a, None]) ** 2)
+        return added
+
+    def stiffness(
+        self,
+        path: Float[np.ndarray, "terms axes"],
+        precision: Float[np.ndarray, "unknowns unknowns"],
+        reaches: Float[np.ndarray, " pieces"],
+    ) -> Float[np.ndarray, " pieces"]:
+        """How stiff the prior on each piece of a path is, that has this precision.
+
+        A hand jerks now and then: a piece of more energy than others counts less. What all pieces are believed to have together is what
+        the path shows (expectation maximisation, with the belief before it as BELIEVED unknowns more).
+        """
+        energies = np.array([((m @ path / (r * self.spread)) ** 2).sum() for m, r in zip(self.moves, reaches, strict=True)])
+        weights = 1 / (1 + energies / (JERK * max(float(np.median(energies)), _ROUNDING)))
+        believed = self._smoothness(reaches, weights)
+        covariance = np.linalg.inv(precision)[: path.size, : path.size]
+        shown = path.ravel() @ believed @ path.ravel() + np.sum(believed * covariance)
+        return weights * (path.size - path.shape[1] + BELIEVED) / (shown + BELIEVED / STIFFNESS)
 
 
 def _reaches(path: Spline, begins: Float[np.ndarray, " pieces"], timing: ShutterTiming) -> Float[np.ndarray, " pieces"]:

@@ -11,6 +11,7 @@ its precision. Everything here is along the scanlines, but for the `Movement` th
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -26,6 +27,7 @@ from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import CameraPath, certainties, exposure_length, follow, polynomial, unexplained, windows, within
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.focus import focus, focus_value
+from rsvideo.restoration.matched_blur import Exposed, followed_again
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.refinement import SCALE
@@ -53,6 +55,7 @@ class Run:
     begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens if exposed as the camera states
     scenes: list[Scene]  # narrowed to the columns that serve; none where blur is not needed
     wide: list[Scene]  # all columns at half the resolution, or less, where long blurs show
+    codes: list[UInt8[np.ndarray, "rows cols"]]  # each frame as its points are followed
     links: list[Tracks]  # between neighbours
     camera: Camera  # along the scanlines
     source_camera: Camera  # as the frames are stored
@@ -131,10 +134,19 @@ def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Mov
     """
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
+    run = in_matched_blur(run)
     tracked = path_from_tracks(run)
     path = refined_by_blur(run, tracked, run.followed if frames is None else run.followed & frames)
     share = run_share(votes(run, tracked)) if frames is None else 1.0
     return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share))
+
+
+def in_matched_blur(run: Run) -> Run:
+    """The same frames, their points followed once more in windows that are blurred alike along the path that they have shown."""
+    path, lens = path_from_tracks(run).spline, run.camera.intrinsics
+    frames = [Exposed(picture=p, path=path, opens=run.opens(k), timing=run.timing(k), intrinsics=lens) for k, p in enumerate(run.codes)]
+    links = zip(run.links, pairwise(frames), strict=True)
+    return replace(run, links=threads.each(lambda link: followed_again(link[0], *link[1]) if len(link[0].before) else link[0], links))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -145,14 +157,14 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
     begins: list[float] = []
     scenes: list[Scene] = []
     wide: list[Scene] = []
+    followed: list[np.ndarray] = []
     links: list[Tracks] = []
-    before = None
     for frame in frames:
         scene = scene_of(to_scanlines(frame, camera), settings)
         after = codes(scene.frame)
-        if before is not None:
-            links.append(_link(before, after, frame.time - begins[-1], camera.timing))
-        before = after
+        if followed:
+            links.append(_link(followed[-1], after, frame.time - begins[-1], camera.timing))
+        followed.append(after)
         begins.append(frame.time)
         if blur:
             scenes.append(windowed(scene, COLS))
@@ -164,6 +176,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         begins=np.array(begins)[first],
         scenes=[scene for scene, new in zip(scenes, first, strict=False) if new],
         wide=[scene for scene, new in zip(wide, first, strict=False) if new],
+        codes=[picture for picture, new in zip(followed, first, strict=True) if new],
         links=[link for link, still in zip(links, again, strict=True) if not still],
         camera=camera.along_scanlines(),
         source_camera=camera,

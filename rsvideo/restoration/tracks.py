@@ -28,7 +28,12 @@ class Tracks:
 
     before: Float[np.ndarray, "points 2"]
     after: Float[np.ndarray, "points 2"]
-    error: float = TRACKED  # px, of a point at best
+    scale: int = 1  # px of the frame to one of the pictures in which they were followed
+
+    @property
+    def error(self) -> float:
+        """Px, of a point at best."""
+        return self.scale * TRACKED
 
     @property
     def moved(self) -> float:
@@ -43,7 +48,7 @@ class Tracks:
     def enlarged(self, scale: int) -> "Tracks":
         """The points as frames show them that are so many times as large."""
         before, after = (scale * (points + 0.5) - 0.5 for points in (self.before, self.after))
-        return Tracks(before=before, after=after, error=scale * self.error)
+        return Tracks(before=before, after=after, scale=scale * self.scale)
 
 
 def codes(luminance: Float[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "rows cols"]:
@@ -59,14 +64,15 @@ def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows
     """
     found, scale = _followed(before, after), 1
     while exposed and min(before.shape) >= 2 * SMALLEST and not 0 < exposed * found.moved <= LONGEST * scale:
-        before, after, scale = _halved(before), _halved(after), 2 * scale
+        before, after, scale = halved(before), halved(after), 2 * scale
         coarse = _followed(before, after).enlarged(scale)
         if exposed * coarse.moved > LONGEST:  # what moves less would have been found before: two scenes, at a cut
             found = coarse
     return found
 
 
-def _halved(picture: UInt8[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "r c"]:
+def halved(picture: UInt8[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "r c"]:
+    """A picture of half the size, each pixel the mean of four; an odd last row or column is left out."""
     rows, cols = (side // 2 for side in picture.shape)
     return np.asarray(cv2.resize(picture[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA))
 

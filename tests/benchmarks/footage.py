@@ -109,6 +109,14 @@ def summary(rows: list[dict], ways: list[str]) -> list[dict]:
     return out
 
 
+def try_numbers(changes: list[str]) -> None:
+    """ROOM.NUMBER=VALUE each."""
+    for name, value in (change.split("=") for change in changes):
+        room, number = name.split(".")
+        module = import_module(f"rsvideo.restoration.{room}")
+        setattr(module, number, type(getattr(module, number))(value))
+
+
 def main() -> None:
     """Run, and print Markdown tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -120,10 +128,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    for name, value in (change.split("=") for change in args.set):
-        room, number = name.split(".")
-        module = import_module(f"rsvideo.restoration.{room}")
-        setattr(module, number, type(getattr(module, number))(value))
+    try_numbers(args.set)
     rows: list[dict] = []
     for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
         if args.only and case.name not in args.only:

@@ -1,7 +1,7 @@
 """Film scenes of several depths, with things that move by themselves, by a rolling shutter, as cases for footage.py.
 
     python tests/benchmarks/layers.py PHOTOS --gyro LOG -o CASES [--clips 26] [--frames 16] [--half choose] [--seed 0]
-        [--vibration PX] [--pan PX] [--scale 1] [--repeat N]
+        [--vibration PX] [--pan PX] [--scale 1] [--repeat N] [--flat]
 
 PHOTOS is a folder of sharp pictures. Each scene has a photograph far away, up to two others cut out as pillars, ground or pebbles and
 nearer by up to ten times, and in one of two scenes a thing that moves by itself: so motion changes abruptly at borders, where no smooth
@@ -9,7 +9,8 @@ field follows it. The camera turns as a random moment of LOG says, at 0.3 to 1.5
 5 to 30 ms, at 30 frames a second; noise, clipping and H.264 as a camera's. --vibration adds a shake of 25 to 90 Hz and up to so many px,
 --pan a steady turn by 0.4 to 1 times so many px from frame to frame, mostly sideways; photographs are mirrored at their borders.
 Clips are of 640 x 360 px, and the numbers above those of such clips; --scale makes them larger, all px with them. With --repeat, every
-Nth picture repeats the one before, as converters of the frame rate leave it where a frame was lost.
+Nth picture repeats the one before, as converters of the frame rate leave it where a frame was lost. With --flat, a scene is one photograph,
+and CASES gets the camera's path too, motion.csv, for paths.py.
 Photographs of one half only are taken (corpus.py): what is chosen by the one can be reported by the other. CASES gets a folder a clip
 with clip.mp4, truth.mp4, the sharp scene at the middle of each frame's interval, and case.json. The blur of a frame is that of its middle
 scanline, in px at a depth between far and near.
@@ -98,9 +99,11 @@ def ellipse(mask: np.ndarray, middle: np.ndarray, axes: np.ndarray, turned: floa
     cv2.ellipse(mask, (int(middle[0]), int(middle[1])), (int(axes[0]), int(axes[1])), turned, 0, 360, 1, -1, cv2.LINE_AA)
 
 
-def scene(rng: np.random.Generator, photographs: list[Path], scale: float) -> list[Layer]:
+def scene(rng: np.random.Generator, photographs: list[Path], scale: float, flat: bool) -> list[Layer]:
     """From the farthest layer to the nearest, and what moves by itself."""
     layers = [Layer(light=photograph(rng, photographs, scale), depth=FARTHEST)]
+    if flat:
+        return layers
     for _ in range(rng.integers(0, 3)):
         layers.append(Layer(light=photograph(rng, photographs, scale), covers=covered(rng), depth=float(rng.uniform(*NEAR))))
     if rng.uniform() < 0.5:
@@ -193,7 +196,7 @@ def made(case: Path, photographs: list[Path], log: GyroLog, args: argparse.Names
     rows, cols = round(args.scale * ROWS), round(args.scale * COLS)
     timing = ShutterTiming.from_readout(exposure=log_uniform(rng, EXPOSURE), readout=rng.uniform(*READOUT), rows=rows)
     pose = camera(rng, log, 2 * LEAD + args.frames / RATE + 0.1, args.vibration, args.pan)
-    layers, gain, noise = scene(rng, photographs, args.scale), float(rng.choice(GAINS)), log_uniform(rng, NOISE)
+    layers, gain, noise = scene(rng, photographs, args.scale, args.flat), float(rng.choice(GAINS)), log_uniform(rng, NOISE)
     qualities = {"clip.mp4": float(rng.choice(QUALITY)), "truth.mp4": TRUTH}
     samples = max(math.ceil(args.scale * SAMPLES), math.ceil(args.scale * args.pan * RATE * timing.exposure))
     scanlines, when = np.arange(rows) * timing.row_time, (np.arange(samples) + 0.5) / samples * timing.exposure
@@ -219,6 +222,11 @@ def made(case: Path, photographs: list[Path], log: GyroLog, args: argparse.Names
     shape = {"rows": rows, "cols": cols, "fps": RATE, "frames": args.frames, "transfer": "bt709"}
     facts = {"kind": "clip", **shutter_facts(timing), **shape, "blur_extent_px": float(np.median(blur)), "blur_px": blur}
     facts["layers"] = [{"depth": layer.depth, "moves": layer.velocity is not None} for layer in layers]
+    if args.flat:
+        times = np.arange(0, args.frames / RATE + 2 * LEAD, STEP)
+        right, down, roll = pose(LEAD + times, FARTHEST)
+        path = np.stack([times, args.scale * right, args.scale * down, roll], axis=1)
+        np.savetxt(case / "motion.csv", path, "%.8g", ",", header="t_s,x_px,y_px,roll_rad", comments="")
     (case / "case.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
     print(f"{case.name}: {1e3 * timing.exposure:.1f} ms, {np.median(blur):.1f} px of blur, {len(layers)} layers", flush=True)
 
@@ -237,10 +245,12 @@ def main() -> None:
     parser.add_argument("--pan", type=float, default=0.0, metavar="PX")
     parser.add_argument("--scale", type=float, default=1.0)
     parser.add_argument("--repeat", type=int, default=0, metavar="N")
+    parser.add_argument("--flat", action="store_true")
     args = parser.parse_args()
     photographs = sorted(p for p in args.photographs.glob("*.jpg") if half(p) == args.half)
     log = gyro.parse(args.gyro.read_text().splitlines())
-    options = {"vibration": args.vibration, "pan": args.pan, "scale": args.scale if args.scale != 1 else 0, "repeat": args.repeat}
+    scale = args.scale if args.scale != 1 else 0
+    options = {"vibration": args.vibration, "pan": args.pan, "scale": scale, "repeat": args.repeat, "flat": args.flat}
     for number in range(args.clips):
         moved = "".join(f"-{name}{value:g}" for name, value in options.items() if value)
         case = args.output / f"layers-{args.half}-{args.seed}-{number:03}{moved}"

@@ -93,13 +93,14 @@ def rendered(case: Path) -> Clip:
     poses = np.stack([np.interp(even, t, p) for p in poses.T], axis=1)
     whole = gyro.spline_through(poses, duration=float(t[-1] - t[0]), spacing=0.002)
     assert isinstance(whole, Spline)
-    frames, truth = list(_frames(case / "clip.mp4")), [f.pixels for f in _frames(case / "truth.mp4")]
+    frames, truth = list(decoded(case / "clip.mp4")), [f.pixels for f in decoded(case / "truth.mp4")]
     ways = [replace(whole, t0=t[0] - f.time, t1=t[-1] - f.time) for f in frames]
     camera = Camera(timing=timing, intrinsics=lens)
     return Clip(name=case.name, frames=frames, truth=truth, ways=ways, camera=camera)
 
 
-def _frames(path: Path) -> Iterator[Frame]:
+def decoded(path: Path) -> Iterator[Frame]:
+    """A clip's frames."""
     stream = probe(path)
     for picture in pictures(stream):
         pixels, clipped = colour.light(picture, stream.colour)

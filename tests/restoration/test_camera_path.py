@@ -8,6 +8,7 @@ import pytest
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Polynomial, Trajectory
+from rsvideo.restoration import camera_path
 from rsvideo.restoration.camera_path import certainties, follow, unexplained, windows, within
 from rsvideo.restoration.tracks import Tracks
 from tests.restoration.swaying import BEGINS, CAMERA, END, TIMING, exact, sights, spline, sway
@@ -76,6 +77,25 @@ def test_a_few_points_that_lie_do_not_bend_the_path() -> None:
     liars = [t.after + np.where(rng.random((len(t.after), 1)) < 0.1, rng.uniform(-6, 6, t.after.shape), 0) for t in tracks]
     lied = [Tracks(before=t.before, after=after) for t, after in zip(tracks, liars, strict=True)]
     assert apart(follow(lied, BEGINS, TAKEN, 3).spline, true) < 0.7
+
+
+def test_a_jerk_bends_the_path_where_it_is_and_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.linspace(0, END, 4000)
+    jerked = sway(2).at(t)
+    starts = float(BEGINS[4]) + 0.6 * TIMING.interval[1]
+    jerked[:, 0] += 400 * np.clip(t - starts, 0, None)  # px/s, of a camera that is pushed within a frame
+    true = spline(t, jerked, terms=300)
+    tracks = exact(true)
+
+    def apart_within(frame: int) -> float:
+        cut, local = within(follow(tracks, BEGINS, TAKEN, 2).spline, float(BEGINS[frame]), TIMING), np.linspace(*TIMING.interval, 30)
+        return float(np.abs(cut.at(local) - within(true, float(BEGINS[frame]), TIMING).at(local)).max())
+
+    followed = [apart_within(k) for k in (1, 4)]
+    monkeypatch.setattr(camera_path, "JERK", np.inf)
+    alike = [apart_within(k) for k in (1, 4)]
+    assert followed[1] < 0.6 * alike[1]
+    assert followed[0] < max(0.1, 1.1 * alike[0])
 
 
 def test_windows_give_the_polynomial_nearest_to_the_path() -> None:
