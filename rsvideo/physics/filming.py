@@ -2,13 +2,14 @@
 
 Time runs evenly through the sharp clip, `speed` of its frames to a period of the camera's: the scene between two of them is
 interpolated (physics.scene_between). Each scanline averages the linear light of its own exposure. Automatic exposure changes how long
-that is by the same factor from frame to frame; sensors then open earlier or later, and close at an even pace. Two sharp frames are held at
-a time, and those of the camera's frames that are open between them, however long the clip.
+that is by the same factor from frame to frame; sensors then open earlier or later, and close at an even pace. A few sharp frames are held
+at a time, and those of the camera's frames that are open between them, however long the clip.
 """
 
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import chain, pairwise
 
 import numpy as np
@@ -91,7 +92,8 @@ class _Open:
         if self.truth is None and self.middle <= index + 1:
             self.truth = between.at(self.middle - index)
         middle = len(share) // 2
-        self.blur += between.usual_motion * float(closes[middle] - opens[middle]) * bool(share[middle])
+        if share[middle]:
+            self.blur += between.usual_motion(float(opens[middle]) - index, float(closes[middle]) - index)
         self.astray = max(self.astray, between.astray)
 
     def shot(self, noise: Noise, rng: np.random.Generator) -> Shot:
@@ -101,19 +103,41 @@ class _Open:
         return Shot(blurred=blurred, truth=np.clip(self.truth, 0, 1), blur=self.blur, astray=self.astray)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pair:
+    """Two successive sharp frames, whose flow is found once it is needed."""
+
+    before: Light
+    after: Light
+
+    @cached_property
+    def between(self) -> SceneBetween:
+        return SceneBetween.of(self.before, self.after)
+
+
+def _surrounded(pairs: Iterable[_Pair]) -> Iterator[tuple[_Pair | None, _Pair, _Pair | None]]:
+    """Each pair with the one before and the one after it, where there are such."""
+    earlier, here = None, None
+    for later in chain(pairs, [None]):
+        if here:
+            yield earlier, here, later
+        earlier, here = here, later
+
+
 def filmed(sharp: Iterable[Light], pace: Pace, *, frames: int, noise: Noise, rng: np.random.Generator) -> Iterator[Shot]:
     """So many frames of the camera; ValueError where the sharp ones, all of one size, do not suffice for them."""
     left: list[_Open] = []
     begun = done = 0
-    for index, (before, after) in enumerate(pairwise(sharp)):
+    pairs = (_Pair(before=before, after=after) for before, after in pairwise(sharp))
+    for index, (earlier, here, later) in enumerate(_surrounded(pairs)):
         first = begun
         while begun < frames and pace.opens(begun) < index + 1:
             begun += 1
         if left or begun > first:
-            between = SceneBetween.of(before, after)
-            scanline = _scanlines(pace.timing, before.shape[:2])
+            between = here.between.beside(earlier and earlier.between, later and later.between)
+            scanline = _scanlines(pace.timing, here.before.shape[:2])
             passed, left = left, []
-            for each in chain(passed, (_Open(pace, frame, before.shape) for frame in range(first, begun))):
+            for each in chain(passed, (_Open(pace, frame, here.before.shape) for frame in range(first, begun))):
                 each.pass_by(between, index, scanline)
                 if each.ends > index + 1 + _ROUNDING:
                     left.append(each)

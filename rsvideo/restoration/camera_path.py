@@ -129,15 +129,15 @@ def _explained(pairs: Sequence[Pair], camera: Camera, path: Spline, tones: Seque
             right[system.unknowns] += system.right
         path = path.with_coefficients(np.linalg.solve(precision, right).reshape(path.coefficients.shape))
         out = Explained(path=path, precision=precision, weights=weights, common=common, variance=variance)
+        covariance = np.linalg.inv(precision)
         if systems:
             fields = [common + system.deviation(path.coefficients) for system in systems]
             common = np.mean(fields, axis=0)
-            covariance = np.linalg.inv(precision)
             apart = [(field - common) ** 2 + system.field_variance(covariance) for field, system in zip(fields, systems, strict=True)]
             variance = np.mean(apart, axis=0) + LEAST_FIELD**2
         if not about:
             reaches = _reaches(path.smooth, pieces.begins, timing)
-            prior = pieces.precision(reaches, pieces.stiffness(path.smooth.coefficients, precision, reaches))
+            prior = pieces.precision(reaches, pieces.stiffness(path.smooth.coefficients, covariance, reaches))
     return out
 
 
@@ -229,10 +229,10 @@ class _Pieces:
     def stiffness(
         self,
         path: Float[np.ndarray, "terms axes"],
-        precision: Float[np.ndarray, "unknowns unknowns"],
+        covariance: Float[np.ndarray, "unknowns unknowns"],
         reaches: Float[np.ndarray, " pieces"],
     ) -> Float[np.ndarray, " pieces"]:
-        """How stiff the prior on each piece of a path is, that has this precision.
+        """How stiff the prior on each piece of a path is, that has this covariance.
 
         A hand jerks now and then: a piece of more energy than others counts less. What all pieces are believed to have together is what
         the path shows (expectation maximisation, with the belief before it as BELIEVED unknowns more).
@@ -240,8 +240,7 @@ class _Pieces:
         energies = np.array([((m @ path / (r * self.spread)) ** 2).sum() for m, r in zip(self.moves, reaches, strict=True)])
         weights = 1 / (1 + energies / (JERK * max(float(np.median(energies)), _ROUNDING)))
         believed = self._smoothness(reaches, weights)
-        covariance = np.linalg.inv(precision)[: path.size, : path.size]
-        shown = path.ravel() @ believed @ path.ravel() + np.sum(believed * covariance)
+        shown = path.ravel() @ believed @ path.ravel() + np.sum(believed * covariance[: path.size, : path.size])
         return weights * (path.size - path.shape[1] + BELIEVED) / (shown + BELIEVED / STIFFNESS)
 
 

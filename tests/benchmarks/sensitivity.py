@@ -62,6 +62,8 @@ NUMBERS = (  # of rsvideo.restoration, that choose a path, judge it, or weigh pr
 )
 OF_CLIPS = (  # the same, of what clips have besides: paths from points, trust, and neighbours
     "camera_path.STIFFNESS",
+    "camera_path.BELIEVED",
+    "camera_path.JERK",
     "camera_path.LEAST_REACH",
     "camera_path.END_ERROR",
     "vibration.EVIDENCE",
