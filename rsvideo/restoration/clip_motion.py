@@ -55,7 +55,7 @@ class Run:
     begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens if exposed as the camera states
     scenes: list[Scene]  # narrowed to the columns that serve; none where blur is not needed
     wide: list[Scene]  # all columns at half the resolution, or less, where long blurs show
-    codes: list[UInt8[np.ndarray, "rows cols"]]  # each frame as its points are followed
+    codes: list[UInt8[np.ndarray, "rows cols"]]  # each frame as its points are followed; none where blur is not needed
     links: list[Tracks]  # between neighbours
     camera: Camera  # along the scanlines
     source_camera: Camera  # as the frames are stored
@@ -142,11 +142,12 @@ def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Mov
 
 
 def in_matched_blur(run: Run) -> Run:
-    """The same frames, their points followed once more in windows that are blurred alike along the path that they have shown."""
+    """The same frames, gathered with their blur, their points followed once more in windows that are blurred alike along the path that
+    they have shown."""
     path, lens = path_from_tracks(run).spline, run.camera.intrinsics
     frames = [Exposed(picture=p, path=path, opens=run.opens(k), timing=run.timing(k), intrinsics=lens) for k, p in enumerate(run.codes)]
     links = zip(run.links, pairwise(frames), strict=True)
-    return replace(run, links=threads.each(lambda link: followed_again(link[0], *link[1]) if len(link[0].before) else link[0], links))
+    return replace(run, links=threads.each(lambda link: followed_again(link[0], *link[1]), links))
 
 
 def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe: Observer = ignore, *, blur: bool = True) -> Run:
@@ -159,14 +160,16 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
     wide: list[Scene] = []
     followed: list[np.ndarray] = []
     links: list[Tracks] = []
+    before = None
     for frame in frames:
         scene = scene_of(to_scanlines(frame, camera), settings)
         after = codes(scene.frame)
-        if followed:
-            links.append(_link(followed[-1], after, frame.time - begins[-1], camera.timing))
-        followed.append(after)
+        if before is not None:
+            links.append(_link(before, after, frame.time - begins[-1], camera.timing))
+        before = after
         begins.append(frame.time)
         if blur:
+            followed.append(after)
             scenes.append(windowed(scene, COLS))
             wide.append(reduced(halved(scene)))
         observe(Progress(stage="motion", fraction=0.0, frame=frame.index))
@@ -176,7 +179,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         begins=np.array(begins)[first],
         scenes=[scene for scene, new in zip(scenes, first, strict=False) if new],
         wide=[scene for scene, new in zip(wide, first, strict=False) if new],
-        codes=[picture for picture, new in zip(followed, first, strict=True) if new],
+        codes=[picture for picture, new in zip(followed, first, strict=False) if new],
         links=[link for link, still in zip(links, again, strict=True) if not still],
         camera=camera.along_scanlines(),
         source_camera=camera,

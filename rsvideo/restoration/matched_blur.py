@@ -74,12 +74,14 @@ class Exposed:
 def followed_again(tracks: Tracks, first: Exposed, second: Exposed) -> Tracks:
     """The points of two frames, each anew where it shows best in the second one, in pictures of the size in which it was followed before.
 
-    What is found too far from there is left out. Where that leaves too few, or where a PSF is longer than windows show, all remain as they
-    were.
+    What is found too far from there is left out. Where points are too few or that leaves too few, or where a PSF is longer than windows
+    show, all remain as they were.
     """
+    if len(tracks.before) < FEWEST:
+        return tracks
     scale = tracks.scale
     traces = first.traces(tracks.before) / scale, second.traces(tracks.after) / scale
-    reach = max(float(np.abs(trace).max(initial=0)) for trace in traces)
+    reach = max(float(np.abs(trace).max()) for trace in traces)
     if reach > LONGEST:
         return tracks
     half = 1 + math.ceil(reach)

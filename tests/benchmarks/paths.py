@@ -69,8 +69,7 @@ def main() -> None:
     args = parser.parse_args()
     footage.try_numbers(args.set)
     rows = [row_of(f.parent) for f in sorted(args.cases.glob("*/motion.csv"))]
-    clips = len(rows)
-    summary = {"clips": clips, "frames": sum(row["frames"] for row in rows)}
+    summary = {"clips": len(rows), "frames": sum(row["frames"] for row in rows)}
     for name in ("points", "matched_blur", "blur"):
         each = np.array([row[name] for row in rows])
         summary |= {f"{name}_px": float(np.sqrt((each**2).mean())), f"{name}_middle_px": float(np.median(each))}

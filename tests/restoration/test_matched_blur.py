@@ -10,6 +10,7 @@ import skimage.data
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Spline
+from rsvideo.restoration import matched_blur
 from rsvideo.restoration.matched_blur import Exposed, followed_again
 from rsvideo.restoration.tracks import Tracks, track
 from tests.restoration.swaying import spline
@@ -70,7 +71,7 @@ def test_frames_that_are_blurred_alike_show_their_points_where_they_were_found()
     assert np.abs(again.after - found.after).max() < 0.01
 
 
-def test_points_that_lead_elsewhere_are_left_out_and_none_where_few_remain() -> None:
+def test_points_that_lead_elsewhere_are_left_out_and_none_where_few_remain(monkeypatch: pytest.MonkeyPatch) -> None:
     still = exposed(REST, 0.0)
     found = track(still.picture, still.picture)
     astray = replace(found, after=found.after + np.where(np.arange(len(found.after))[:, None] % 4, 0.0, 12.0))
@@ -80,3 +81,5 @@ def test_points_that_lead_elsewhere_are_left_out_and_none_where_few_remain() -> 
     np.testing.assert_array_equal(followed_again(found, still, far).after, found.after)  # of a path that leads nowhere
     few = Tracks(before=found.before[:20], after=found.after[:20])
     np.testing.assert_array_equal(followed_again(few, still, still).after, few.after)
+    monkeypatch.setattr(matched_blur, "FARTHEST", 0.0)
+    np.testing.assert_array_equal(followed_again(astray, still, still).after, astray.after)
