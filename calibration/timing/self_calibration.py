@@ -77,15 +77,19 @@ def explain(
     best = likeliest(chunks, max(fits, key=lambda fit: fit.value), spacing / rows)
     _report(observer, (_TRIED + _REFINED) / (_TRIED + _REFINING))
     readout = best.row_time * rows
-    of_readout, std = _uncertainty(chunks, best, rows, spacing)
+    of_readout, std, disagreement = _uncertainty(chunks, best, rows, spacing)
     distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
-    others = [fit.value for fit in fits if abs(fit.row_time * rows - readout) > distance]
+    others = [fit for fit in fits if abs(fit.row_time * rows - readout) > distance]
     is_global = abs(readout) < _GLOBAL * std
-    alone = best.value - max(others, default=np.inf) >= _RIVAL
-    found = Likeliest(readout=readout, std=std) if alone else None
+    spread = _spread(best, others, rows, disagreement)
+    found = Likeliest(readout=readout, std=float(np.hypot(std, spread))) if std < period and not _at_the_end(readout, period) else None
+    if disagreement > _APART:
+        raise CannotTellError(
+            f"parts of the clip disagree by {np.sqrt(disagreement):.1f} deviations; is it stabilised, or does much of the scene move?", found
+        )
     _refuse_vague(readout, std, period, found)
-    if not alone:
-        raise CannotTellError(f"readouts far from {1e3 * abs(readout):.3g} ms explain its motion nearly as well; film for longer")
+    if best.value - max((fit.value for fit in others), default=np.inf) < _RIVAL:
+        raise CannotTellError(f"readouts far from {1e3 * abs(readout):.3g} ms explain its motion nearly as well; film for longer", found)
     if not is_global and std > _VAGUE * abs(readout):
         given = f"{1e3 * abs(readout):.2g} ms give or take {1e3 * std:.2g} ms"
         raise CannotTellError(f"its motion shows only that the readout is short, {given}", found)
@@ -108,18 +112,30 @@ def _report(observer: Observer, fraction: float) -> None:
 
 def _refuse_vague(readout: float, std: float, period: float, found: Likeliest | None) -> None:
     """CannotTellError where the deviation is too large for an answer, or the likeliest readout is the longest one tried."""
-    at_the_end = abs(readout) > _AT_THE_END * _LONGEST * period
-    if std < max(_VAGUE * abs(readout), _VAGUE_GLOBAL * period) and not at_the_end:
+    if std < max(_VAGUE * abs(readout), _VAGUE_GLOBAL * period) and not _at_the_end(readout, period):
         return
     likeliest_readout = (
         f"{1e3 * abs(readout):.3g} ms is likeliest, give or take {1e3 * std:.2g} ms" if std < period else "all readouts explain it alike"
     )
     advice = "move the camera by hand, without stabilisation, for some seconds before something with texture"
-    raise CannotTellError(f"its motion does not show it: {likeliest_readout}; {advice}", None if at_the_end else found)
+    raise CannotTellError(f"its motion does not show it: {likeliest_readout}; {advice}", found)
 
 
-def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float]:
-    """The curvature of the cost in the readout, and its standard deviation, larger where parts of the clip disagree."""
+def _at_the_end(readout: float, period: float) -> bool:
+    return abs(readout) > _AT_THE_END * _LONGEST * period
+
+
+def _spread(best: PathFit, others: Sequence[PathFit], rows: int, disagreement: float) -> float:
+    """How far others that explain the clip nearly as well make a readout uncertain, s: the likelier, the more."""
+    odds = [np.exp((fit.value - best.value) / disagreement) for fit in others]
+    return float(rows * np.sqrt(sum(p * (fit.row_time - best.row_time) ** 2 for p, fit in zip(odds, others, strict=True))))
+
+
+def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float, float]:
+    """The curvature of the cost in the readout, its standard deviation, and the mean square of deviations by which parts of the clip disagree.
+
+    Parts that disagree make the deviation larger.
+    """
     step = _CURVATURE_STEP * spacing / rows
     total = curvature(chunks, fit, step)
     misfits = []
@@ -127,9 +143,5 @@ def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: floa
         own = likeliest([chunk], fit_path([chunk], fit.row_time, (fit,), warm=True), 2 * spacing / rows)
         misfits.append((own.row_time - fit.row_time) ** 2 * curvature([chunk], own, step))
     factor = max(1.0, sum(misfits) / max(len(misfits) - 1, 1))
-    if factor > _APART:
-        raise CannotTellError(
-            f"parts of the clip disagree by {np.sqrt(factor):.1f} deviations; is it stabilised, or does much of the scene move?"
-        )
     std = np.inf if total <= 0 else rows * np.sqrt(factor / total)
-    return total / rows**2, float(np.hypot(std, _MODEL * max(abs(fit.row_time) * rows, spacing)))
+    return total / rows**2, float(np.hypot(std, _MODEL * max(abs(fit.row_time) * rows, spacing))), factor

@@ -168,6 +168,8 @@ def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, fl
         return None, 0.0
     mean, spread = usual.READOUT * period, usual.READOUT_SPREAD * period
     share = spread**2 / (spread**2 + shown.std**2)  # of two Gaussians' product
+    if share < 0.5:  # the motion says less than what is usual
+        return None, 0.0
     readout = share * shown.readout + (1 - share) * mean
     return round(readout, DECIMALS), round(float(np.sqrt(share)) * shown.std, DECIMALS)
 
