@@ -85,7 +85,8 @@ def explain(
     found = Likeliest(readout=readout, std=float(np.hypot(std, spread))) if std < period and not _at_the_end(readout, period) else None
     if disagreement > _APART:
         raise CannotTellError(
-            f"parts of the clip disagree by {np.sqrt(disagreement):.1f} deviations; is it stabilised, or does much of the scene move?", found
+            f"parts of the clip disagree by {np.sqrt(disagreement):.1f} deviations; is it stabilised, or does much of the scene move?",
+            found,
         )
     _refuse_vague(readout, std, period, found)
     if best.value - max((fit.value for fit in others), default=np.inf) < _RIVAL:
@@ -132,7 +133,7 @@ def _spread(best: PathFit, others: Sequence[PathFit], rows: int, disagreement: f
 
 
 def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float, float]:
-    """The curvature of the cost in the readout, its standard deviation, and the mean square of deviations by which parts of the clip disagree.
+    """The curvature of the cost in the readout, its standard deviation, and the mean square of those by which parts of the clip disagree.
 
     Parts that disagree make the deviation larger.
     """

@@ -1,10 +1,11 @@
 """One clip, from file to file: its chunks restored, and all of them encoded as the original was."""
 
 import json
+import math
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 
@@ -26,12 +27,14 @@ from rsvideo.video import colour, planes
 from rsvideo.video.stream import Picture, Stream
 from rsvideo.video.writer import Writer
 
+_SAME = 1e-3  # part by which exposures differ that are the same in the record
+
 
 def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | None = None) -> Finished:
     """Encode the restored frames as the original was, in a folder of its own within `folder`; then the gyroscope's log and the sidecar."""
     assert task.encoding is not None
     stream, camera = task.stream, task.treatment.camera
-    kept, steps, verdicts, seconds = _gist(frame_records(records, folder))
+    kept, steps, tally = _gist(frame_records(records, folder))
     left_out = [index for record in records for index in record.left_out]
     check_cover([*kept, *left_out], task.first, task.last, task.request.source)
     pictures = chain.from_iterable(
@@ -61,27 +64,55 @@ def finish(task: Task, records: list[ChunkRecord], folder: Path, mark: Mark | No
     notes = writer.notes
     if task.request.motion.path == "smooth":
         notes += (f"smoothed: the picture is enlarged by {100 * (enlargement - 1):.1f} % to hide its moving borders",)
-    ended = outcome(task, verdicts, seconds, notes)
+    ended = outcome(task, tally, notes)
     record = sidecar.encoded(task.request.named, _settings(task), frame_records(records, folder), stated(ended, made, mark))
     return Finished(outcome=ended, made=(*made, made_within(within, task.request.record, record)))
 
 
-def outcome(task: Task, verdicts: Counter[str], seconds: float, notes: tuple[str, ...]) -> Outcome:
-    """What became of a clip whose frames met these verdicts."""
-    if disagreeing := verdicts[Verdict.DISAGREES]:
-        taken = f"{1000 * task.timing.exposure:.4g} ms"
-        notes += (
-            f"exposure: the blur of {disagreeing} frames does not show {taken}, they were straightened only; give --exposure as it was",
-        )
+@dataclass
+class Tally:
+    """What became of the frames so far."""
+
+    verdicts: Counter[str] = field(default_factory=Counter)
+    exposures: list[float] = field(default_factory=list)  # s, each frame's
+    seconds: float = 0.0  # of work
+
+    def add(self, frame: FrameRecord) -> None:
+        """One frame more."""
+        self.verdicts[frame.verdict] += 1
+        self.exposures.append(frame.timing.exposure_s)
+        self.seconds += frame.seconds
+
+
+def outcome(task: Task, tally: Tally, notes: tuple[str, ...]) -> Outcome:
+    """What became of a clip."""
+    verdicts = tally.verdicts
     restored = sum(verdicts[verdict] for verdict in Verdict if verdict.deblurred)
     return Outcome(
-        notes=notes,
+        notes=notes + _of_exposures(task, tally),
         restored=restored,
         left=verdicts.total() - restored - verdicts[Verdict.DAMAGED],
         straightened=sum(verdicts[verdict] for verdict in Verdict if verdict.straightened),
         failed=verdicts[Verdict.DAMAGED],
-        seconds=seconds,
+        seconds=tally.seconds,
     )
+
+
+def _of_exposures(task: Task, tally: Tally) -> tuple[str, ...]:
+    """What to know of exposures that blur does not bear out."""
+    stated, notes = task.timing.exposure, tuple[str, ...]()
+    others = [] if task.shutter.exposure_open else [each for each in tally.exposures if not math.isclose(each, stated, rel_tol=_SAME)]
+    if others:
+        better = f"{len(others)} frames are in better focus with {_ms(float(np.median(others)))} than with {_ms(stated)}"
+        notes += (f"exposure: {better}, and were restored so; --force takes what is given",)
+    if disagreeing := tally.verdicts[Verdict.DISAGREES]:
+        left = f"the blur of {disagreeing} frames does not show {_ms(stated)}, they were straightened only"
+        notes += (f"exposure: {left}; give --exposure as it was",)
+    return notes
+
+
+def _ms(seconds: float) -> str:
+    return f"{1000 * seconds:.4g} ms"
 
 
 def side_by_side(task: Task, pictures: Iterable[Picture]) -> tuple[Stream, Iterator[Picture]]:
@@ -91,15 +122,14 @@ def side_by_side(task: Task, pictures: Iterable[Picture]) -> tuple[Stream, Itera
     return replace(task.stream, cols=even + task.stream.cols), (_beside(before, after, even) for before, after in pairs)
 
 
-def _gist(frames: Iterable[FrameRecord]) -> tuple[list[int], list[list[float] | None], Counter[str], float]:
-    """Of all frames: their indices, the steps from each to the next, how many met which verdict, and the seconds of work."""
-    kept, steps, verdicts, seconds = [], [], Counter[str](), 0.0
+def _gist(frames: Iterable[FrameRecord]) -> tuple[list[int], list[list[float] | None], Tally]:
+    """Of all frames: their indices, the steps from each to the next, and what became of them."""
+    kept, steps, tally = [], [], Tally()
     for frame in frames:
         kept.append(frame.index)
         steps.append(frame.to_next)
-        verdicts[frame.verdict] += 1
-        seconds += frame.seconds
-    return kept, steps, verdicts, seconds
+        tally.add(frame)
+    return kept, steps, tally
 
 
 def carry_out(task: Task, observe: Observer) -> Outcome:

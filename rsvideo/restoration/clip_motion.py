@@ -11,6 +11,7 @@ its precision. Everything here is along the scanlines, but for the `Movement` th
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -127,6 +128,25 @@ class Run:
         return np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(tied))], bool)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Followed:
+    """A run whose points were followed in matched blur, and the path that they show."""
+
+    run: Run
+    path: CameraPath
+
+    @classmethod
+    def of(cls, run: Run) -> "Followed":
+        """A run some of whose points were followed."""
+        matched = in_matched_blur(run)
+        return cls(run=matched, path=path_from_tracks(matched))
+
+    @cached_property
+    def votes(self) -> list[float]:
+        """The focus of each frame that is blurred enough, along the path."""
+        return votes(self.run, self.path)
+
+
 def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Movement:
     """The motion that points and blur of a run show, in image axes; blur of those `frames` only, if they are given.
 
@@ -134,10 +154,14 @@ def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Mov
     """
     if not run.followed.any():
         return Movement.unfollowed(len(run.begins), run.axes)
-    run = in_matched_blur(run)
-    tracked = path_from_tracks(run)
-    path = refined_by_blur(run, tracked, run.followed if frames is None else run.followed & frames)
-    share = run_share(votes(run, tracked)) if frames is None else 1.0
+    return movement_along(Followed.of(run), frames)
+
+
+def movement_along(found: Followed, frames: Bool[np.ndarray, " frames"] | None = None) -> Movement:
+    """The same of a run whose points were followed in matched blur."""
+    run = found.run
+    path = refined_by_blur(run, found.path, run.followed if frames is None else run.followed & frames)
+    share = run_share(found.votes) if frames is None else 1.0
     return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share))
 
 

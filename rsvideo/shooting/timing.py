@@ -142,8 +142,7 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
             f" {_fraction(stated.value)} leaves along its motion; {_ms(taken.value)} is taken, --force takes what is given",
         )
     ratio = stated.value / measured.exposure
-    apart = abs(stated.value - measured.exposure)
-    if max(ratio, 1 / ratio) < _CONTRADICTED or apart < _CERTAIN * measured.deviation:
+    if not apart(stated.value, measured.exposure) or abs(stated.value - measured.exposure) < _CERTAIN * measured.deviation:
         return stated, ()
     times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
     words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"
@@ -153,6 +152,11 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
     return _from_blur(measured, sources.fps), (
         f"{words}; is it {_fraction(measured.exposure)}? {_ms(measured.exposure)} is taken, --force takes what is given",
     )
+
+
+def apart(one: float, other: float) -> bool:
+    """Whether two exposures cannot both be right."""
+    return max(one / other, other / one) >= _CONTRADICTED
 
 
 def _fraction(seconds: float) -> str:

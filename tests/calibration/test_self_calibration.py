@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from calibration.timing import self_calibration
 from calibration.timing.cannot_tell import CannotTellError
 from calibration.timing.pair_motion import Pair, summarise
-from calibration.timing.path_evidence import chunked
+from calibration.timing.path_evidence import PathFit, chunked
 from calibration.timing.self_calibration import Explained, explain
 from rsvideo.physics.shake import shake
 from rsvideo.physics.shutter import Direction
@@ -134,6 +135,14 @@ def test_a_short_clip_makes_a_readout_likely_and_is_no_answer() -> None:
     likeliest = told.value.likeliest
     assert likeliest is not None
     assert abs(likeliest.readout - 0.012) < 2 * likeliest.std < 0.004
+
+
+def test_a_readout_with_likely_others_is_less_certain() -> None:
+    best, near, far = (PathFit(row_time=t, value=-cost, hyper=(np.zeros(3), np.zeros(3))) for t, cost in ((1e-4, 0), (8e-5, 2), (2e-5, 9)))
+    assert self_calibration._spread(best, [], 100, 1.0) == 0
+    alone, both = (self_calibration._spread(best, others, 100, 1.0) for others in ([near], [near, far]))
+    assert alone == pytest.approx(0.002 * np.exp(-1))
+    assert alone < both < self_calibration._spread(best, [near, far], 100, 4.0)
 
 
 def test_points_that_are_too_few_say_nothing() -> None:

@@ -4,6 +4,7 @@ import errno
 import json
 import tracemalloc
 import weakref
+from collections import Counter
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -20,7 +21,7 @@ from rsvideo.frame import Verdict
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Curve, Transfer
 from rsvideo.pipeline.chunk import AHEAD, LONGEST, WARM_UP, chunks, planned, treated, work
-from rsvideo.pipeline.clip import carry_out, finish
+from rsvideo.pipeline.clip import Tally, carry_out, finish, outcome
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord, Outcome, frame_records
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import Progress
@@ -223,6 +224,17 @@ def test_a_null_run_keeps_every_bit_time_and_packet(tmp_path: Path, layout: str)
     assert (outcome.restored, outcome.left, outcome.failed) == (0, 8, 0)
     assert {frame.verdict for frame in frame_records(records, tmp_path)} == {"left as it was: no restoration was asked for"}
     assert not (tmp_path / "out.gcsv").exists()
+
+
+@pytest.mark.parametrize(("taken", "words"), [(0.02, ()), (0.026, ("2 frames are in better focus with 26 ms than with 20 ms",))])
+def test_frames_that_were_restored_with_another_exposure_than_the_stated_one_are_told_of(
+    taken: float, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    task = prepare(asked(make(tmp_path / "in.mkv", codec="ffv1", rows=96, cols=160), tmp_path / "out.mkv", **KNOWN))
+    tally = Tally(verdicts=Counter({Verdict.RESTORED: 2}), exposures=[taken, taken])
+    notes = outcome(task, tally, ()).notes
+    assert len(notes) == len(words)
+    assert all(text in note for text, note in zip(words, notes, strict=True))
 
 
 def test_a_null_run_keeps_rotation_dates_and_tags(tmp_path: Path) -> None:

@@ -34,8 +34,8 @@ def test_a_vague_readout_is_drawn_to_the_usual_one_as_the_product_of_both_densit
     assert deviation == pytest.approx(np.sqrt(np.average((t - mean) ** 2, weights=density)), abs=1e-6)
 
 
-@pytest.mark.parametrize("shown", [None, Likeliest(readout=-0.01, std=0.002)])
-def test_no_readout_is_assumed_by_motion_that_shows_none_in_this_direction(shown: Likeliest | None) -> None:
+@pytest.mark.parametrize("shown", [None, Likeliest(readout=-0.01, std=0.002), Likeliest(readout=0.03, std=0.011)])
+def test_no_readout_is_assumed_by_motion_that_shows_none_in_this_direction_or_less_than_is_usual(shown: Likeliest | None) -> None:
     assert with_usual(shown, PERIOD) == (None, 0.0)
 
 

@@ -96,6 +96,22 @@ def test_no_method_looks_for_tones_with_a_readout_that_is_a_guess(method: Method
     assert set(toned) == {not guessed}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("times", "doubtful", "taken"), [(0.5, True, 1.0), (0.7, True, 1.0), (0.7, False, 0.7), (1.0, True, 1.0), (2.0, True, 1.0)]
+)
+def test_an_exposure_gives_way_to_the_one_that_blur_shows_and_frames_are_in_better_focus_with(
+    times: float, doubtful: bool, taken: float
+) -> None:
+    clip = Moving(frames=12)
+    believed = times * clip.exposure
+    frames = [replace(frame, time=frame.time + (clip.exposure - believed) / 2) for frame in clip.recorded]  # the middles stay
+    stated = replace(treatment(Method.RSVIDEO), camera=clip.camera.exposed(believed), exposure_doubtful=doubtful)
+    found = methods.movement(stated, iter(frames), clip.begins)
+    assert np.median(found.exposures) / clip.exposure == pytest.approx(taken, rel=0.12)
+    assert all((each.share > 0) == (doubtful or times == 1.0) for each in found.evidence)
+
+
 def test_a_photograph_follows_a_recorded_motion(tmp_path: Path) -> None:
     asked = treatment(Method.GYRO, tmp_path / "motion.csv")
     result = methods.photograph(asked, moving().recorded[0], None)

@@ -36,6 +36,14 @@ def test_the_focus_along_long_blurs_decides_between_two_exposures(stated: float,
     assert exposure.in_better_focus(run, stated * moving.exposure, shown * moving.exposure) == borne_out
 
 
+@pytest.mark.slow
+def test_an_exposure_between_two_that_are_tried_is_found() -> None:
+    found = [exposure.measured(taken(MOVING.recorded, 0.02), period) for period in np.geomspace(1, exposure.RATIO, 5)[:-1] / RATE]
+    answers = np.array([each.value for each in found if isinstance(each, Exposure)])
+    assert len(answers) == len(found)
+    assert np.ptp(np.log(answers)) < 0.3 * np.log(exposure.RATIO)
+
+
 def test_a_clip_that_hardly_moves_does_not_show_its_exposure() -> None:
     found = exposure.measured(taken(Moving(frames=5, reach=0.5).recorded, 0.02), 1 / RATE)
     assert isinstance(found, Unclear)
