@@ -1,6 +1,5 @@
 """How frames are treated by each method, with the same light, the same noise and the same final solver."""
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -16,13 +15,12 @@ from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import clip_motion, exposure, multi_frame, search, single_frame
-from rsvideo.restoration.clip_motion import Followed, Run
+from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.trust import deviations, run_share
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +72,9 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
         return rectify.movement(run).of_pictures(run.pictures)
     if treatment.method is Method.RSVIDEO and treatment.settings.frames != "cold":
         run = run_of(treatment, frames, observe)
-        return _in_focus(treatment, run).of_pictures(run.pictures)
+        doubtful = treatment.exposure_doubtful and run.followed.any()
+        moving = clip_motion.movement_along(exposure.followed(run)) if doubtful else clip_motion.movement(run)
+        return moving.of_pictures(run.pictures)
     return Movement.unfollowed(len(begins), 3)
 
 
@@ -82,17 +82,6 @@ def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ig
     """Successive frames as their motion is estimated, exposed as they show where nobody states it."""
     run = _gathered(treatment, frames, observe)
     return run if treatment.exposure_spread is None else run.exposed(exposure.of_each(run, treatment.exposure_spread))
-
-
-def _in_focus(treatment: Treatment, run: Run) -> Movement:
-    """How the camera moved; with the exposures that blur shows, where frames are in better focus with these than with what is believed."""
-    if not (treatment.exposure_doubtful and run.followed.any()):
-        return clip_motion.movement(run)
-    found = Followed.of(run)
-    if not treatment.exposure_shown or run_share(found.votes) < 1:
-        shown = Followed.of(run.exposed(exposure.of_each(run, math.inf)))
-        found = max(found, shown, key=lambda each: deviations(each.votes))
-    return clip_motion.movement_along(found)
 
 
 def _gathered(treatment: Treatment, frames: Iterable[Frame], observe: Observer, *, blur: bool = True) -> Run:

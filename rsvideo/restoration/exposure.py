@@ -27,12 +27,12 @@ from rsvideo import threads
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration import sparsity
 from rsvideo.restoration.camera_path import CameraPath, within
-from rsvideo.restoration.clip_motion import Run, beside, path_from_tracks, scene_at, votes
+from rsvideo.restoration.clip_motion import Followed, Run, beside, path_from_tracks, scene_at, votes
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scene import Scene
 from rsvideo.restoration.spectrum import Patches, Spectrum, patches
-from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations
+from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
 from rsvideo.restoration.vibration import exposed
 
@@ -50,6 +50,7 @@ SURE = 0.975  # of what is shown: exposures beyond are too long
 LEAST_DEVIATION = 0.05  # the same, of what looks sure: nine answers on clips of single photographs were off by 0.06, where 0.04 was shown
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
 DEFENDED = 6.0  # px of blur in the middle one of them, from which on focus bears a stated exposure out; wrong ones had 3.6 to 4.8
+BELIEVED = 0.5  # standard deviations of a run's focus, by which it must be better with other exposures than with those that are believed
 SHOWS = 2.0  # px of blur at the clip's exposure, from which on a frame helps to follow automatic exposure
 ROUGHLY = 0.4  # the same for some frames of a clip whose exposure is assumed: one deviation less is nearer to it than the assumption
 STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes; origin: by trial
@@ -124,6 +125,16 @@ def in_better_focus(run: Run, stated: float, shown: float) -> bool:
         return deviations(votes(taken, path_from_tracks(taken), frames))
 
     return focus(stated) > max(CHANCE, focus(shown))
+
+
+def followed(run: Run) -> Followed:
+    """A run some of whose points were followed, in matched blur; with the exposures that its blur shows, where its frames are in better
+    focus with these than with what is believed."""
+    found = Followed.of(run)
+    if run.exposure_shown and run_share(found.votes) == 1 or np.array_equal(exposures := of_each(run, np.inf), run.exposures):
+        return found
+    shown = Followed.of(run.exposed(exposures))
+    return shown if deviations(shown.votes) > deviations(found.votes) + BELIEVED else found
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
