@@ -51,12 +51,12 @@ LEAST_DEVIATION = 0.05  # the same, of what looks sure: nine answers on clips of
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
 DEFENDED = 6.0  # px of blur in the middle one of them, from which on focus bears a stated exposure out; wrong ones had 3.6 to 4.8
 BELIEVED = 0.5  # standard deviations of a run's focus, by which it must be better with other exposures than with those that are believed
-SHOWS = 2.0  # px of blur at the clip's exposure, from which on a frame helps to follow automatic exposure
+SHOWS = 2.0  # px of blur, from which on a frame helps to follow automatic exposure, and the better half of a part shows its own
 ROUGHLY = 0.4  # the same for some frames of a clip whose exposure is assumed: one deviation less is nearer to it than the assumption
 STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes; origin: by trial
 CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
 ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
-FARTHEST = 4.0  # times the clip's exposure, which may be assumed, or one by that, is the last that is tried of a part
+FARTHEST = 6.0  # times the exposure that is believed, or one by that, is the last that is tried of a part of a clip: typed slips are of 5
 _LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 
 
@@ -164,7 +164,7 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     if deviation > VAGUE:
         x -= deviation  # a shorter exposure is the milder error
     better = tried.frames[: max(FEWEST, len(tried.frames) // 2)]
-    if assumed and _middle_length(run, path, better, float(np.exp(x))) < PLAIN:
+    if assumed and _middle_length(run, path, better, float(np.exp(x))) < SHOWS:
         return run.exposures
     return np.clip(np.exp(x + y * (run.begins - _middle(run))), period * SHORTEST, period)
 
