@@ -103,8 +103,8 @@ def _of_exposures(task: Task, tally: Tally) -> tuple[str, ...]:
     stated, notes = task.timing.exposure, tuple[str, ...]()
     others = [] if task.shutter.exposure_open else [each for each in tally.exposures if not math.isclose(each, stated, rel_tol=_SAME)]
     if others:
-        better = f"{len(others)} frames are in better focus with {_ms(float(np.median(others)))} than with {_ms(stated)}"
-        notes += (f"exposure: {better}, and were restored so; --force takes what is given",)
+        taken = f"{_ms(float(np.median(others)))} is taken for {len(others)} frames"
+        notes += (f"exposure: {taken}, which are in better focus with it than with {_ms(stated)}; --force takes what is given",)
     if disagreeing := tally.verdicts[Verdict.DISAGREES]:
         left = f"the blur of {disagreeing} frames does not show {_ms(stated)}, they were straightened only"
         notes += (f"exposure: {left}; give --exposure as it was",)

@@ -226,7 +226,9 @@ def test_a_null_run_keeps_every_bit_time_and_packet(tmp_path: Path, layout: str)
     assert not (tmp_path / "out.gcsv").exists()
 
 
-@pytest.mark.parametrize(("taken", "words"), [(0.02, ()), (0.026, ("2 frames are in better focus with 26 ms than with 20 ms",))])
+@pytest.mark.parametrize(
+    ("taken", "words"), [(0.02, ()), (0.026, ("26 ms is taken for 2 frames, which are in better focus with it than with 20 ms",))]
+)
 def test_frames_that_were_restored_with_another_exposure_than_the_stated_one_are_told_of(
     taken: float, words: tuple[str, ...], tmp_path: Path
 ) -> None:
