@@ -23,6 +23,7 @@ from rsvideo.pipeline.pieces import ChunkRecord, Finished, Outcome, check_cover,
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.shooting import gcsv
+from rsvideo.shooting.timing import ms
 from rsvideo.video import colour, planes
 from rsvideo.video.stream import Picture, Stream
 from rsvideo.video.writer import Writer
@@ -103,16 +104,12 @@ def _of_exposures(task: Task, tally: Tally) -> tuple[str, ...]:
     stated, notes = task.timing.exposure, tuple[str, ...]()
     others = [] if task.shutter.exposure_open else [each for each in tally.exposures if not math.isclose(each, stated, rel_tol=_SAME)]
     if others:
-        taken = f"{_ms(float(np.median(others)))} is taken for {len(others)} frames"
-        notes += (f"exposure: {taken}, which are in better focus with it than with {_ms(stated)}; --force takes what is given",)
+        taken = f"{ms(float(np.median(others)))} is taken for {len(others)} frames"
+        notes += (f"exposure: {taken}, which are in better focus with it than with {ms(stated)}; --force takes what is given",)
     if disagreeing := tally.verdicts[Verdict.DISAGREES]:
-        left = f"the blur of {disagreeing} frames does not show {_ms(stated)}, they were straightened only"
+        left = f"the blur of {disagreeing} frames does not show {ms(stated)}, they were straightened only"
         notes += (f"exposure: {left}; give --exposure as it was",)
     return notes
-
-
-def _ms(seconds: float) -> str:
-    return f"{1000 * seconds:.4g} ms"
 
 
 def side_by_side(task: Task, pictures: Iterable[Picture]) -> tuple[Stream, Iterator[Picture]]:

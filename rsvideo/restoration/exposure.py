@@ -131,7 +131,10 @@ def followed(run: Run) -> Followed:
     """A run some of whose points were followed, in matched blur; with the exposures that its blur shows, where its frames are in better
     focus with these than with what is believed."""
     found = Followed.of(run)
-    if (run.exposure_shown and run_share(found.votes) == 1) or np.array_equal(exposures := of_each(run, np.inf), run.exposures):
+    if run.exposure_shown and run_share(found.votes) == 1:
+        return found
+    exposures = of_each(run, np.inf)
+    if np.array_equal(exposures, run.exposures):
         return found
     shown = Followed.of(run.exposed(exposures))
     return shown if deviations(shown.votes) > deviations(found.votes) + BELIEVED else found

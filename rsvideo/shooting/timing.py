@@ -139,7 +139,7 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
         taken = _from_blur(measured, sources.fps)
         return taken, (
             f"the clip's blur is at least {stated.value / measured.most:.2g} times shorter than an exposure of"
-            f" {_fraction(stated.value)} leaves along its motion; {_ms(taken.value)} is taken, --force takes what is given",
+            f" {_fraction(stated.value)} leaves along its motion; {ms(taken.value)} is taken, --force takes what is given",
         )
     ratio = stated.value / measured.exposure
     if not apart(stated.value, measured.exposure) or abs(stated.value - measured.exposure) < _CERTAIN * measured.deviation:
@@ -148,9 +148,9 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
     words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"
     softness = measured.exposure * _SOFT / measured.blur if measured.blur else 0.0
     if math.hypot(stated.value, softness) * _CONTRADICTED > measured.exposure > stated.value:
-        return stated, (f"{words}, which softness of up to {_SOFT:g} px explains as well; {_ms(stated.value)} is taken",)
+        return stated, (f"{words}, which softness of up to {_SOFT:g} px explains as well; {ms(stated.value)} is taken",)
     return _from_blur(measured, sources.fps), (
-        f"{words}; is it {_fraction(measured.exposure)}? {_ms(measured.exposure)} is taken, --force takes what is given",
+        f"{words}; is it {_fraction(measured.exposure)}? {ms(measured.exposure)} is taken, --force takes what is given",
     )
 
 
@@ -179,7 +179,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
         apart = [other for other in others if not _agree(first, other)]
         return first, (
             *notes,
-            *(f"readout {_ms(first.value)} by {first.source}, but {_ms(other.value)} by {other.source}" for other in apart),
+            *(f"readout {ms(first.value)} by {first.source}, but {ms(other.value)} by {other.source}" for other in apart),
         )
     if sources.fps is None:
         return None, notes
@@ -187,7 +187,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
         return _from_motion(sources.measured, sources.fps), notes
     return Fact(value=1 / sources.fps, source="frame rate", within=(0.0, 1 / sources.fps)), (
         *notes,
-        f"readout {_ms(1 / sources.fps)} is only its upper bound, the whole period of a frame: no other source says it;"
+        f"readout {ms(1 / sources.fps)} is only its upper bound, the whole period of a frame: no other source says it;"
         " most cameras read in about half of that; --readout, --camera or --scanlines-total say more",
     )
 
@@ -271,9 +271,7 @@ def _within_period(name: str, value: float, given: Camera, sources: Sources) -> 
     slip = (
         "is it in milliseconds?" if value * 1e-3 * sources.fps <= 1 else "is the clip slowed down or sped up? --force takes it all the same"
     )
-    raise ValueError(
-        f"{name} must be at most one frame's period, {_ms(1 / sources.fps)} at {sources.fps:.5g} fps, got {_ms(value)}; {slip}"
-    )
+    raise ValueError(f"{name} must be at most one frame's period, {ms(1 / sources.fps)} at {sources.fps:.5g} fps, got {ms(value)}; {slip}")
 
 
 def _agree(one: Fact[float], other: Fact[float]) -> bool:
@@ -281,5 +279,6 @@ def _agree(one: Fact[float], other: Fact[float]) -> bool:
     return low - _APART * one.value <= one.value <= high + _APART * one.value
 
 
-def _ms(seconds: float) -> str:
+def ms(seconds: float) -> str:
+    """A time in words."""
     return f"{seconds * 1e3:.4g} ms" if math.isfinite(seconds) else f"{seconds} s"
