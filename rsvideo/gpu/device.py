@@ -4,7 +4,6 @@ import ctypes
 import os
 import subprocess
 import sys
-from functools import cache
 from importlib.util import find_spec
 
 SIMULATOR = "NUMBA_ENABLE_CUDASIM"  # of the environment: 1 lets numba-cuda run kernels in Python
@@ -33,9 +32,27 @@ def simulated() -> bool:
     return os.environ.get(SIMULATOR) == "1"
 
 
-@cache
+_found: list[str | None] = []  # in this process, or in the one that started it: the answer, once there is one
+
+
 def unavailable() -> str | None:
     """Why nothing can be computed on a device; None: a trial in a process of its own gave the right numbers."""
+    if not _found:
+        _found.append(_tried())
+    return _found[0]
+
+
+def found() -> list[str | None]:
+    """The answer that a process begun here need not find again; none is looked for."""
+    return _found.copy()
+
+
+def take(answer: list[str | None]) -> None:
+    """Believe what was found by the process that began this one; without an answer, find it when it is needed."""
+    _found[:] = answer
+
+
+def _tried() -> str | None:
     missing = [package for module, package in (("cupy", "CuPy"), ("numba_cuda", "numba-cuda")) if find_spec(module) is None]
     if simulated():
         missing = [package for package in missing if package != "CuPy"]

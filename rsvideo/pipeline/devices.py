@@ -19,8 +19,8 @@ def chosen(wanted: Literal["auto", "cpu", "cuda"], method: Method) -> Device:
     """The device that is meant: a GPU only for methods that know one, and by itself only where a trial gave the right numbers."""
     if wanted == "cpu" or not method.knows_gpu:
         return "cpu"
-    found = wanted == "cuda" or (not device.simulated() and device.unavailable() is None)
-    return "cuda" if found else "cpu"
+    there = device.unavailable() is None  # which the processes that are begun later are told
+    return "cuda" if wanted == "cuda" or (there and not device.simulated()) else "cpu"
 
 
 def settled(request: Request) -> Request:

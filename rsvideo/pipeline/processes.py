@@ -15,6 +15,7 @@ from typing import Any
 
 from rsvideo.allocation import keep_freed_memory
 from rsvideo.config.placing import SIGNALS
+from rsvideo.gpu import device
 from rsvideo.threads import VARIABLE, cores
 
 _ONE_EACH = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # threads of libraries would multiply with ours
@@ -33,7 +34,7 @@ def started(target: Callable[..., None], *words: Any, threads: int, quiet: bool)
     """A process that calls target(connection, *words), and our end of the connection."""
     spawn = multiprocessing.get_context("spawn")
     ours, theirs = spawn.Pipe()
-    process = spawn.Process(target=_live, args=(target, theirs, words, quiet), daemon=True)
+    process = spawn.Process(target=_live, args=(target, theirs, words, quiet, device.found()), daemon=True)
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # it is born deaf to them, and opens its ears when it can obey
     try:
         with _environment(**{VARIABLE: str(threads)}, **_SAFE_PATH, **dict.fromkeys(_ONE_EACH, "1")):
@@ -75,8 +76,9 @@ def _environment(**values: str) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _live(target: Callable[..., None], connection: Connection, words: tuple[Any, ...], quiet: bool) -> None:
+def _live(target: Callable[..., None], connection: Connection, words: tuple[Any, ...], quiet: bool, on_device: list[str | None]) -> None:
     keep_freed_memory()
+    device.take(on_device)
     for number in SIGNALS:  # the terminal sends the others to everyone; the parent decides
         signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)

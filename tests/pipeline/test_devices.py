@@ -4,6 +4,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,7 +21,7 @@ from rsvideo.gpu.device import DeviceMemoryError
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import still
-from rsvideo.pipeline import deblur, devices, fingerprint, output
+from rsvideo.pipeline import deblur, devices, fingerprint, output, processes
 from rsvideo.pipeline.pieces import Outcome
 from rsvideo.pipeline.prepare import Task, prepare
 from rsvideo.progress import ignore
@@ -36,10 +37,9 @@ GOOD: dict[str, Any] = {"exposure": 0.02, "readout": 0.02, "focal_px": 100}
 def _anew(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """What was found of this machine counts for no test."""
     monkeypatch.delenv(device.SIMULATOR, raising=False)
-    found = device.unavailable  # others put theirs in its place
-    found.cache_clear()
+    device.take([])
     yield
-    found.cache_clear()
+    device.take([])
 
 
 @pytest.fixture(params=[True, False], ids=["a device", "no device"])
@@ -115,7 +115,7 @@ def test_a_host_without_memory_is_not_tried_again(tmp_path: Path, monkeypatch: p
 
 def test_the_extra_the_driver_and_a_trial_are_needed_in_this_order(monkeypatch: pytest.MonkeyPatch) -> None:
     def why() -> str | None:
-        device.unavailable.cache_clear()
+        device.take([])
         return device.unavailable()
 
     monkeypatch.setattr(device, "find_spec", lambda name: None if name == "cupy" else name)
@@ -133,6 +133,18 @@ def test_the_extra_the_driver_and_a_trial_are_needed_in_this_order(monkeypatch: 
     assert why() == "a trial on the GPU failed: RuntimeError: no kernel image"
     monkeypatch.setattr(device, "_PROBE", "pass")
     assert why() is None
+
+
+def _unavailable(answers: Connection) -> None:
+    answers.send(device.unavailable())
+
+
+@pytest.mark.parametrize("why", [None, "there is no NVIDIA driver"])
+def test_a_process_believes_the_trial_of_the_one_that_began_it(why: str | None) -> None:
+    device.take([why])
+    answers, process = processes.started(_unavailable, threads=1, quiet=True)
+    assert answers.recv() == why
+    process.join()
 
 
 def test_the_trial_runs_no_module_that_lies_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
