@@ -88,8 +88,17 @@ def agreement(
 def confirmation(predicted: Confirmed, length: float) -> Float[np.ndarray, "rows cols"]:
     """The share of a restoration that the frame's own blur grants, 0 to 1, along a path whose blur is `length` px long."""
     about = _between(predicted.about, MISSING, CONFIRMED) * _between(predicted.whole, FRAME_MISSING, FRAME_CONFIRMED)
-    checked = float(_between(length, UNCHECKED, CHECKED))
-    return cv2.blur((1 - checked * (1 - about)).astype(np.float32), (AGREEMENT, AGREEMENT))
+    return cv2.blur(_checked(about, length).astype(np.float32), (AGREEMENT, AGREEMENT))
+
+
+def borne_out(predicted: Confirmed, length: float) -> float:
+    """How far the same frame's blur bears out where its path leads, 0 to 1, in a clip whose blur has shown its exposure."""
+    return float(_checked(_between(predicted.whole, FRAME_MISSING, FRAME_CONFIRMED), length))
+
+
+def _checked(share: np.ndarray, length: float) -> np.ndarray:
+    """A share that counts the more, the longer the blur is."""
+    return np.asarray(1 - _between(length, UNCHECKED, CHECKED) * (1 - share))
 
 
 def _between(value: np.ndarray | float, none: float, whole: float) -> np.ndarray:

@@ -210,19 +210,38 @@ def test_what_no_neighbour_bears_out_is_not_deblurred(monkeypatch: pytest.Monkey
     assert np.abs(checked - unchecked)[apart].mean() < 0.01
 
 
+def with_a_brief_one() -> tuple[Moving, list[Frame], Movement]:
+    """The middle frame alone is sharp, though it is given the path and the exposure of the others."""
+    moving, _, found = with_a_stranger()
+    frames, way, brief = moving.recorded, moving.way(2), 0.05 * moving.exposure
+    later = (moving.exposure - brief) / 2  # so that each scanline is open about the same time
+    shot = replace(moving, exposure=brief).shot(replace(way, t0=way.t0 - later, t1=way.t1 - later), 2)
+    frames[2] = replace(frames[2], pixels=shot.blurred)
+    return moving, frames, found
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_focus")
 @pytest.mark.parametrize(("sharp", "verdict"), [(False, Verdict.RESTORED), (True, Verdict.STRAIGHTENED)])
 def test_a_frame_as_sharp_as_its_neighbours_is_not_deblurred_along_a_path_that_predicts_blur(sharp: bool, verdict: Verdict) -> None:
-    moving, _, found = with_a_stranger()
-    frames = moving.recorded
-    if sharp:
-        way, brief = moving.way(2), 0.05 * moving.exposure
-        later = (moving.exposure - brief) / 2  # so that each scanline is open about the same time
-        shot = replace(moving, exposure=brief).shot(replace(way, t0=way.t0 - later, t1=way.t1 - later), 2)
-        frames[2] = replace(frames[2], pixels=shot.blurred)
+    moving, frames, found = with_a_brief_one()
+    if not sharp:
+        frames = moving.recorded
     results = list(multi_frame.restored(frames, found, moving.camera, Settings(prior="tv")))
     assert [results[k].verdict for k in (1, 2, 3)] == [Verdict.RESTORED, verdict, Verdict.RESTORED]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_focus")
+def test_a_path_whose_blur_is_not_there_is_not_straightened_along_where_the_clip_has_shown_its_exposure() -> None:
+    moving, frames, found = with_a_brief_one()
+
+    def moved(shown: bool) -> float:
+        believed = [replace(evidence, exposure_shown=shown) for evidence in found.evidence]
+        results = list(multi_frame.restored(frames, replace(found, evidence=believed), moving.camera, Settings(prior="tv")))
+        return float(np.abs(results[2].latent - frames[2].pixels)[8:-8, 16:-16].mean())
+
+    assert moved(shown=True) < 1e-6 < 0.01 < moved(shown=False)
 
 
 @pytest.mark.slow

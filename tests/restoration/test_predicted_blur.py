@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rsvideo.restoration.predicted_blur import confirmed
-from rsvideo.restoration.trust import confirmation
+from rsvideo.restoration.trust import borne_out, confirmation
 
 ROWS, COLS = 80, 120
 EVERYWHERE = np.ones((ROWS, COLS), bool)
@@ -53,3 +53,10 @@ def test_blur_that_is_not_there_is_not_taken_away_unless_it_is_short() -> None:
     assert share[40, 20] == pytest.approx(0.5, abs=0.15)  # by the frame as a whole
     assert share[40, 100] == 0
     np.testing.assert_array_equal(confirmation(found, 2.0), 1)
+
+
+def test_a_path_is_borne_out_by_blur_that_is_there_or_too_short_to_tell() -> None:
+    sharp, blurred = scene()
+    there, missing = (confirmed(frame, blurred, sharp, EVERYWHERE) for frame in (blurred, sharp))
+    assert [borne_out(there, 6.0), borne_out(missing, 6.0), borne_out(missing, 2.0)] == [1, 0, 1]
+    assert 0 < borne_out(missing, 2.5) < 1
