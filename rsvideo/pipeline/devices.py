@@ -19,7 +19,7 @@ def chosen(wanted: Literal["auto", "cpu", "cuda"], method: Method) -> Device:
     """The device that is meant: a GPU only for methods that know one, and by itself only where a trial gave the right numbers."""
     if wanted == "cpu" or not method.knows_gpu:
         return "cpu"
-    there = device.unavailable() is None  # which the processes that are begun later are told
+    there = device.unavailable() is None  # processes that this one begins inherit the answer
     return "cuda" if wanted == "cuda" or (there and not device.simulated()) else "cpu"
 
 
