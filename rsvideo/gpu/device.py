@@ -7,6 +7,7 @@ import sys
 from importlib.util import find_spec
 
 SIMULATOR = "NUMBA_ENABLE_CUDASIM"  # of the environment: 1 lets numba-cuda run kernels in Python
+_found: list[str | None] = []  # in this process, or in the one that began it: what `unavailable` answers, once there is an answer
 _DRIVERS = ("libcuda.so.1", "nvcuda.dll")
 _LONGEST = 120  # seconds that the probe may take; it compiles a kernel
 _PROBE = """
@@ -30,9 +31,6 @@ class DeviceMemoryError(MemoryError):
 def simulated() -> bool:
     """Whether kernels run in Python."""
     return os.environ.get(SIMULATOR) == "1"
-
-
-_found: list[str | None] = []  # in this process, or in the one that started it: the answer, once there is one
 
 
 def unavailable() -> str | None:

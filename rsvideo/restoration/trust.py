@@ -24,9 +24,7 @@ SURELY, DOUBT = 5.0, 2.0  # standard errors that s of a whole frame must be abov
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
 UNSEEN = 0.5  # of the restoration, which counts at most where no neighbour shows the place
-MARGIN = (
-    4  # px about a place that must be trusted for it to be; both chosen on 130 frames of several depths and 140 others (docs/results.md)
-)
+MARGIN = 4  # px about a place that must be trusted for it to be; both chosen on choosing halves (docs/results.md)
 MISSING, CONFIRMED = 0.3, 0.5  # of the blur that the path predicts, that a frame shows about a pixel
 FRAME_MISSING, FRAME_CONFIRMED = 0.4, 0.6  # the same of the whole frame; all four chosen on 51 clips (docs/method.md, (18))
 UNCHECKED, CHECKED = 2.0, 3.0  # px of blur: shorter blur is hardly longer than what neighbours are off by
