@@ -23,7 +23,7 @@ from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
 from rsvideo.restoration.settings import Device, Settings
 from rsvideo.restoration.single_frame import Restored, tiled_frame
-from rsvideo.restoration.trust import LONG, UNCHECKED, agreement, borne_out, confirmation, observed, trust, with_margin
+from rsvideo.restoration.trust import LONG, UNCHECKED, agreement, borne_out, confirmation, observed, trust
 
 STILL = 0.25  # px that the pose moves within a frame; below, the frame is left as it was
 MOVING = 1.0  # px, from which on it is fully restored
@@ -207,8 +207,7 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
                 if evidence.exposure_shown:  # or a wrong exposure would be taken for a wrong path
                     evidence = replace(evidence, certainty=evidence.certainty * borne_out(both.confirmed, image.length))
             agreed = agreed * agreement(both.explained, both.shown, evidence.certainty)
-            share = with_margin(np.asarray(waiting.share, np.float32)[..., 0] * agreed)[..., None]
-            waiting = replace(waiting, evidence=evidence, share=share, own=both.support)
+            waiting = replace(waiting, evidence=evidence, share=waiting.share * agreed[..., None], own=both.support)
             verdict = verdict if np.mean(waiting.share, dtype=np.float32) >= LEAST_SHARE else Verdict.STRAIGHTENED
     elif waiting.draft:
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent

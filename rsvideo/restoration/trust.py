@@ -23,8 +23,7 @@ SURELY, DOUBT = 5.0, 2.0  # standard errors that s of a whole frame must be abov
 # it may be below that before it is not restored at all; all three chosen on scenes of several depths
 APART, AGREED = 0.1, 0.5  # how well the best of the neighbours explains the frame about a pixel; chosen on real scenes (docs/results.md)
 AGREEMENT = 15  # px over which that is averaged
-UNSEEN = 0.5  # of the restoration, which counts at most where no neighbour shows the place
-MARGIN = 4  # px about a place that must be trusted for it to be; both chosen on choosing halves (docs/results.md)
+UNSEEN = 0.5  # of the restoration, which counts at most where no neighbour shows the place; chosen on scenes of several depths
 MISSING, CONFIRMED = 0.3, 0.5  # of the blur that the path predicts, that a frame shows about a pixel
 FRAME_MISSING, FRAME_CONFIRMED = 0.4, 0.6  # the same of the whole frame; all four chosen on 51 clips (docs/method.md, (18))
 UNCHECKED, CHECKED = 2.0, 3.0  # px of blur: shorter blur is hardly longer than what neighbours are off by
@@ -85,12 +84,6 @@ def agreement(
     """
     share = _between(np.where(shown, explained, certainty), APART, AGREED) * np.where(shown, 1, UNSEEN)
     return cv2.blur(share.astype(np.float32), (AGREEMENT, AGREEMENT))
-
-
-def with_margin(share: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-    """The least share within MARGIN px, smoothed: deblurring carries what is wrong beyond where the model is."""
-    side = 2 * MARGIN + 1
-    return cv2.blur(cv2.erode(share, np.ones((side, side), np.uint8)), (side, side))
 
 
 def confirmation(predicted: Confirmed, length: float) -> Float[np.ndarray, "rows cols"]:

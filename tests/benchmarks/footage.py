@@ -6,9 +6,10 @@
 CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp4, truth.mp4 and case.json with exposure_s and readout_s.
 `stated` gives both numbers, `none` gives nothing at all, `steady` takes what `none` measures in the clip's middle for all of it, and a
 FACTOR gives the readout and so many times the exposure, of a frame's period at most: what a wrong number does. RESULTS gets NAME.WAY.mkv
-and its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are after the best shift and scale of each whole frame. Frames
-count as blurred where the middle one of all pixels moves by more than 2 px while the middle scanline is open. A wrong exposure counts as
-told where the command says what the blur shows instead, or what is assumed; not where it says that the clip does not show its own.
+and its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are after the best shift and scale of each frame, without its
+border; those of its sides, 40 px along the border, are without. Frames count as blurred where the middle one of all pixels moves by more
+than 2 px while the middle scanline is open. A wrong exposure counts as told where the command says what the blur shows instead, or what is
+assumed; not where it says that the clip does not show its own.
 
 A restoration depends on the shutter that is settled for it: ways that settle the same one share it. --set tries other numbers of
 rsvideo.restoration than the present ones: trust.OUT_OF_FOCUS=-0.004.
@@ -34,6 +35,7 @@ from rsvideo.report.metrics import psnr
 
 HARMED, MUCH = 0.1, 0.5  # dB below the input
 BLURRED = 2.0  # px
+SIDES = 40  # px
 WARNINGS, UNCHECKED = ("blur is", "does not show", "better focus"), "is taken as given"  # a note that has one of these words, not the last
 
 
@@ -46,12 +48,19 @@ def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
     return Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
 
 
+def along_sides(image: np.ndarray, truth: np.ndarray) -> float:
+    """PSNR in dB of the SIDES px along the border, where neighbours often do not show what a frame shows."""
+    inner = np.zeros(truth.shape[:2], bool)
+    inner[SIDES:-SIDES, SIDES:-SIDES] = True
+    return float(-10 * np.log10(np.mean((image - truth)[~inner] ** 2)))
+
+
 def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.ndarray]]:
     """The figures of a case, way by way, with the gain of each frame."""
     facts = json.loads((case / "case.json").read_text())
     truth, before = (luma(case / name) for name in ("truth.mp4", "clip.mp4"))
     blur = np.array(facts.get("blur_px", [facts["blur_extent_px"]] * len(truth)))
-    settled: dict[tuple[float, float, bool], tuple[np.ndarray, list[str], tuple[str, ...]]] = {}
+    settled: dict[tuple[float, float, bool], tuple[np.ndarray, float, list[str], tuple[str, ...]]] = {}
     rows = []
     for way in ways:
         output = folder / f"{case.name}.{way}.mkv"
@@ -64,9 +73,11 @@ def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.nd
             outcome = deblur.carry_out(task, ignore)
             records = json.loads(task.request.record.read_text())["frames"]
             verdicts = [record["verdict"].split(",")[0].split(":")[0] for record in records]
-            gain = np.array([psnr(a, t) - psnr(b, t) for a, b, t in zip(luma(output), before, truth, strict=True)])
-            settled[shutter] = gain, verdicts, outcome.notes
-        gain, verdicts, notes = settled[shutter]
+            pictures = list(zip(luma(output), before, truth, strict=True))
+            gain = np.array([psnr(a, t) - psnr(b, t) for a, b, t in pictures])
+            sides = float(np.mean([along_sides(a, t) - along_sides(b, t) for a, b, t in pictures]))
+            settled[shutter] = gain, sides, verdicts, outcome.notes
+        gain, sides, verdicts, notes = settled[shutter]
         row = {
             "clip": case.name,
             "exposure": way,
@@ -81,6 +92,7 @@ def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.nd
             "restored": verdicts.count("restored"),
             "straightened": verdicts.count("straightened"),
             "warned": any(words in note and UNCHECKED not in note for note in (*task.notes, *notes) for words in WARNINGS),
+            "sides_gain_db": sides,
         }
         rows.append((row, gain))
         print("| " + " | ".join(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()) + " |", flush=True)
@@ -104,6 +116,7 @@ def summary(rows: list[dict], ways: list[str]) -> list[dict]:
                 "harmed_much": sum(row["harmed_much"] for row in some),
                 "least_gain_db": min(row["least_gain_db"] for row in some),
                 "warned": sum(row["warned"] for row in some),
+                "sides_gain_db": sum(row["sides_gain_db"] * row["frames"] for row in some) / frames,
             }
         )
     return out

@@ -12,7 +12,7 @@ from rsvideo.restoration.focus import Focus, focus, focus_map, focus_value
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, reduced, scene_of
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.trust import FULL_VOTE, LONG, MARGIN, SHORT, UNSEEN, agreement, run_share, trust, with_margin
+from rsvideo.restoration.trust import FULL_VOTE, LONG, SHORT, UNSEEN, agreement, run_share, trust
 from rsvideo.restoration.verdict import across
 from tests.pipeline.moving import Moving
 
@@ -97,17 +97,6 @@ def test_where_no_neighbour_shows_the_place_the_path_must_be_certain() -> None:
     explained = np.where(shown, np.float32(0.8), np.float32(0))
     shares = [agreement(explained, shown, certainty)[20, [5, 55]].tolist() for certainty in (0.05, 0.3, 0.9)]
     np.testing.assert_allclose(shares, [[1, 0], [1, 0.5 * UNSEEN], [1, UNSEEN]], atol=1e-6)
-
-
-def test_what_lies_beside_a_place_that_is_not_trusted_is_not_either() -> None:
-    share = np.ones((40, 60), np.float32)
-    share[20, 30] = 0
-    found = with_margin(share)
-    np.testing.assert_allclose(found[20, [30 - 3 * MARGIN, 30 + 3 * MARGIN]], 1, atol=1e-6)
-    assert found[20, 30] == pytest.approx(0, abs=1e-6)
-    assert found[20, 30 + MARGIN] < 0.5 < found[20, 30 + 2 * MARGIN]
-    even = np.full_like(share, 0.3)
-    np.testing.assert_allclose(with_margin(even), even, rtol=1e-5)
 
 
 def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:
