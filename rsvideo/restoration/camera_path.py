@@ -163,17 +163,39 @@ def certainties(
     error, of all shares, if d without the tracks is as likely to be the opposite (the Wiener filter). `tied` says of each frame whether
     points were followed to the next one.
     """
-    axes = path.spline.coefficients.shape[1]
-    covariance = np.linalg.inv(path.precision)
-    rows = np.linspace(0, timing.rows - 1, NODES)[:, None] * timing.row_time + timing.sample_times(SAMPLES)[0]
+    covariance, opened = np.linalg.inv(path.precision), _opened(timing)
     shares = []
     for begin, before, after in zip(begins, [False, *tied], tied, strict=False):
-        basis = path.spline.basis(begin + rows).mean(axis=1) - path.spline.basis(begin + np.array([timing.middle]))
-        power = float(((basis @ path.spline.coefficients[:, :2]) ** 2).sum())
-        scale = 1.0 if before and after else END_ERROR**2
-        variance = scale * sum(float((basis @ covariance[a::axes, a::axes] * basis).sum()) for a in range(2))
-        shares.append(power / (power + variance))
+        places = path.spline.basis(begin + opened).mean(axis=1) - path.spline.basis(begin + np.array([timing.middle]))
+        shares.append(_certainty(path, covariance, places, 1.0 if before and after else END_ERROR))
     return np.array(shares)
+
+
+def blur_certainties(path: CameraPath, begins: Float[np.ndarray, " frames"], timing: ShutterTiming) -> Float[np.ndarray, " frames"]:
+    """The same of blur: how surely each frame is blurred as the path says, with the displacements from the mean of a scanline's exposure
+    for d, over all instants of its exposure."""
+    covariance, opened = np.linalg.inv(path.precision), _opened(timing)
+    shares = []
+    for begin in begins:
+        places = path.spline.basis(begin + opened)
+        apart = places - places.mean(axis=1, keepdims=True)
+        shares.append(_certainty(path, covariance, apart.reshape(-1, apart.shape[-1])))
+    return np.array(shares)
+
+
+def _opened(timing: ShutterTiming) -> Float[np.ndarray, "rows samples"]:
+    """Instants at which some scanlines of a frame are open, s."""
+    return np.linspace(0, timing.rows - 1, NODES)[:, None] * timing.row_time + timing.sample_times(SAMPLES)[0]
+
+
+def _certainty(
+    path: CameraPath, covariance: Float[np.ndarray, "n n"], places: Float[np.ndarray, "places terms"], error: float = 1.0
+) -> float:
+    """|d|^2 / (|d|^2 + var d) of d = places @ coefficients, whose deviation is `error` times what the covariance says."""
+    axes = path.spline.coefficients.shape[1]
+    power = float(((places @ path.spline.coefficients[:, :2]) ** 2).sum())
+    variance = error**2 * sum(float((places @ covariance[a::axes, a::axes] * places).sum()) for a in range(2))
+    return power / (power + variance)
 
 
 def trusted(path: Spline, camera: Camera, *, drift: float, share: float) -> CameraPath:

@@ -25,7 +25,17 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration.camera_path import CameraPath, certainties, exposure_length, follow, polynomial, unexplained, windows, within
+from rsvideo.restoration.camera_path import (
+    CameraPath,
+    blur_certainties,
+    certainties,
+    exposure_length,
+    follow,
+    polynomial,
+    unexplained,
+    windows,
+    within,
+)
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.focus import focus, focus_value
 from rsvideo.restoration.matched_blur import Exposed, followed_again
@@ -36,7 +46,7 @@ from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
-from rsvideo.restoration.trust import SHORT, run_share
+from rsvideo.restoration.trust import SHORT, blur_share, run_share
 
 TRUST = 2e-3  # tau; origin: by trial
 SOONEST = 0.5  # of a frame's exposure, or of its readout, after which the next one may begin; a camera waits for either to end
@@ -297,15 +307,16 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
     coherent = run.exposures * np.maximum(around[:-1], around[1:])
     certain = certainties(path, run.begins, run.tied, run.camera.timing)
+    shares = share * blur_share(blur_certainties(path, run.begins, run.camera.timing))
     return [
         Evidence(
             flow=flow,
             error=float(np.hypot(PATH_ERROR, departure)) if flow else PATH_ERROR,
-            share=share,
+            share=float(granted),
             certainty=float(certainty),
             exposure_shown=run.exposure_shown,
         )
-        for flow, departure, certainty in zip(_flows(run, beyond), coherent, certain, strict=True)
+        for flow, departure, granted, certainty in zip(_flows(run, beyond), coherent, shares, certain, strict=True)
     ]
 
 

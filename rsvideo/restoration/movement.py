@@ -23,7 +23,7 @@ class Evidence:
 
     flow: Flow | None  # of points beyond the path, along the scanlines always
     error: float  # px by which the blur of one exposure may depart from path and flow
-    share: float  # of a restoration, 0 to 1: whether the blur of the run bears its path out
+    share: float  # of a restoration, 0 to 1: whether the blur of the run bears its path out, and how surely the frame's is as the path says
     certainty: float  # 0 to 1: how surely its scanlines are displaced as the path says, and so how far it is straightened
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
 

@@ -34,12 +34,21 @@ REGION = 0.25  # of the frame's shorter side: the region about a pixel over whic
 FULL_VOTE = 0.005  # s of a frame, beyond which it hardly counts more, so that no frame outweighs many; origin: by trial
 SCATTER = 0.0065  # s of a single frame that counts as one standard deviation: twice that along wrong paths, whose tails are long
 CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
+BLUR_VAGUE, BLUR_SURE = (
+    0.5,
+    0.7,
+)  # of a frame's blur, how surely it is as its path says; chosen on clips of choosing halves (docs/results.md)
 _LEAST_VOTE = 1e-12  # where no frame votes, the sum is divided by this
 
 
 def run_share(votes: Sequence[float]) -> float:
     """The share of restorations, 0 to 1, that s of a run's blurred frames grants together."""
     return float(_between(deviations(votes), CHANCE, CERTAIN))
+
+
+def blur_share(certainties: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
+    """The share of each frame's restoration that the certainty of its blur grants, 0 to 1."""
+    return _between(certainties, BLUR_VAGUE, BLUR_SURE)
 
 
 def deviations(votes: Sequence[float]) -> float:

@@ -1,5 +1,6 @@
 """One path through a run of frames, from the points that move between them."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,9 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.restoration import camera_path
-from rsvideo.restoration.camera_path import certainties, follow, unexplained, windows, within
+from rsvideo.restoration.camera_path import CameraPath, blur_certainties, certainties, follow, unexplained, windows, within
 from rsvideo.restoration.tracks import Tracks
+from rsvideo.restoration.trust import blur_share
 from tests.restoration.swaying import BEGINS, CAMERA, END, TIMING, exact, sights, spline, sway
 
 TAKEN = Camera(timing=TIMING, intrinsics=CAMERA)
@@ -163,8 +165,19 @@ def test_displacements_are_certain_where_points_show_them_and_uncertain_where_no
     assert max(shares[0], shares[4]) < shares[1:4].min()  # at the ends points show one side alone
 
 
-def test_a_displacement_twice_as_large_is_as_certain_as_its_power_says() -> None:
+def test_blur_is_certain_where_points_show_it_and_uncertain_where_none_do() -> None:
+    half_seen = follow(exact(sway(3))[:4] + [NOTHING] * 3, BEGINS, TAKEN, 3)
+    shares = blur_certainties(half_seen, BEGINS, TIMING)
+    assert shares[1:4].min() > 0.85
+    assert shares[5:].max() < 0.1
+    np.testing.assert_array_equal(blur_share(shares)[[1, 2, 3, 5, 6, 7]], [1, 1, 1, 0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    "sure", [lambda path: certainties(path, BEGINS, [True] * 8, TIMING), lambda path: blur_certainties(path, BEGINS, TIMING)]
+)
+def test_a_motion_twice_as_large_is_as_certain_as_its_power_says(sure: Callable[[CameraPath], np.ndarray]) -> None:
     path = follow(exact(sway(2)), BEGINS, TAKEN, 2)
     twice = replace(path, spline=path.spline.with_coefficients(2 * path.spline.coefficients))
-    once, more = (certainties(p, BEGINS, [True] * 8, TIMING) for p in (path, twice))
+    once, more = sure(path), sure(twice)
     np.testing.assert_allclose(more / (1 - more), 4 * once / (1 - once))
