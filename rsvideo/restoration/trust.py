@@ -34,10 +34,7 @@ REGION = 0.25  # of the frame's shorter side: the region about a pixel over whic
 FULL_VOTE = 0.005  # s of a frame, beyond which it hardly counts more, so that no frame outweighs many; origin: by trial
 SCATTER = 0.0065  # s of a single frame that counts as one standard deviation: twice that along wrong paths, whose tails are long
 CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
-BLUR_VAGUE, BLUR_SURE = (
-    0.5,
-    0.7,
-)  # of a frame's blur, how surely it is as its path says; chosen on clips of choosing halves (docs/results.md)
+BLUR_VAGUE, BLUR_SURE = 0.5, 0.7  # how surely a frame's blur is as its path says; chosen on clips of choosing halves (docs/results.md)
 _LEAST_VOTE = 1e-12  # where no frame votes, the sum is divided by this
 
 
