@@ -19,10 +19,13 @@ def chosen(wanted: Literal["auto", "cpu", "cuda"], method: Method) -> Device:
     """The device that is meant: a GPU only for methods that know one, and by itself only where a trial gave the right numbers."""
     if wanted == "cpu" or not method.knows_gpu:
         return "cpu"
-    there = device.unavailable() is None  # processes that this one begins inherit the answer
-    return "cuda" if wanted == "cuda" or (there and not device.simulated()) else "cpu"
+    found = wanted == "cuda" or (not device.simulated() and device.unavailable() is None)
+    return "cuda" if found else "cpu"
 
 
 def settled(request: Request) -> Request:
-    """The same with its device, which whoever carries it out then keeps to."""
-    return request.replaced(deblur={"device": chosen(request.deblur.device, request.deblur.method)})
+    """The same with its device, which whoever carries it out then keeps to; a GPU is tried here, for all processes that are begun later."""
+    taken = chosen(request.deblur.device, request.deblur.method)
+    if taken == "cuda":
+        device.unavailable()
+    return request.replaced(deblur={"device": taken})

@@ -8,6 +8,7 @@ too (expectation maximisation).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil
 
 import numpy as np
@@ -48,6 +49,11 @@ class CameraPath:
 
     spline: Spline  # seconds of the clip
     precision: Float[np.ndarray, "unknowns unknowns"]  # H, of the coefficients, row by row
+
+    @cached_property
+    def covariance(self) -> Float[np.ndarray, "unknowns unknowns"]:
+        """Of the coefficients."""
+        return np.linalg.inv(self.precision)
 
 
 def windows(path: Spline, begins: float, timing: ShutterTiming) -> Float[np.ndarray, "terms coefficients"]:
@@ -163,23 +169,21 @@ def certainties(
     error, of all shares, if d without the tracks is as likely to be the opposite (the Wiener filter). `tied` says of each frame whether
     points were followed to the next one.
     """
-    covariance, opened = np.linalg.inv(path.precision), _opened(timing)
-    shares = []
+    opened, shares = _opened(timing), []
     for begin, before, after in zip(begins, [False, *tied], tied, strict=False):
         places = path.spline.basis(begin + opened).mean(axis=1) - path.spline.basis(begin + np.array([timing.middle]))
-        shares.append(_certainty(path, covariance, places, 1.0 if before and after else END_ERROR))
+        shares.append(_certainty(path, places, 1.0 if before and after else END_ERROR))
     return np.array(shares)
 
 
 def blur_certainties(path: CameraPath, begins: Float[np.ndarray, " frames"], timing: ShutterTiming) -> Float[np.ndarray, " frames"]:
     """The same of blur: how surely each frame is blurred as the path says, with the displacements from the mean of a scanline's exposure
     for d, over all instants of its exposure."""
-    covariance, opened = np.linalg.inv(path.precision), _opened(timing)
-    shares = []
+    opened, shares = _opened(timing), []
     for begin in begins:
         places = path.spline.basis(begin + opened)
         apart = places - places.mean(axis=1, keepdims=True)
-        shares.append(_certainty(path, covariance, apart.reshape(-1, apart.shape[-1])))
+        shares.append(_certainty(path, apart.reshape(-1, apart.shape[-1])))
     return np.array(shares)
 
 
@@ -188,13 +192,11 @@ def _opened(timing: ShutterTiming) -> Float[np.ndarray, "rows samples"]:
     return np.linspace(0, timing.rows - 1, NODES)[:, None] * timing.row_time + timing.sample_times(SAMPLES)[0]
 
 
-def _certainty(
-    path: CameraPath, covariance: Float[np.ndarray, "n n"], places: Float[np.ndarray, "places terms"], error: float = 1.0
-) -> float:
+def _certainty(path: CameraPath, places: Float[np.ndarray, "places terms"], error: float = 1.0) -> float:
     """|d|^2 / (|d|^2 + var d) of d = places @ coefficients, whose deviation is `error` times what the covariance says."""
     axes = path.spline.coefficients.shape[1]
     power = float(((places @ path.spline.coefficients[:, :2]) ** 2).sum())
-    variance = error**2 * sum(float((places @ covariance[a::axes, a::axes] * places).sum()) for a in range(2))
+    variance = error**2 * sum(float((places @ path.covariance[a::axes, a::axes] * places).sum()) for a in range(2))
     return power / (power + variance)
 
 

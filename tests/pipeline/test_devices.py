@@ -147,6 +147,13 @@ def test_a_process_believes_the_trial_of_the_one_that_began_it(why: str | None) 
     process.join()
 
 
+def test_a_gpu_that_is_stated_is_tried_before_processes_begin(tmp_path: Path) -> None:
+    devices.settled(wanted(tmp_path, device="cpu"))
+    assert not device.found()
+    devices.settled(wanted(tmp_path, device="cuda"))
+    assert len(device.found()) == 1
+
+
 def test_the_trial_runs_no_module_that_lies_about(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trap, sprung = tmp_path / "cupy.py", tmp_path / "sprung"
     trap.write_text(f"open({str(sprung)!r}, 'w')")

@@ -93,7 +93,9 @@ def test_frames_are_deblurred_only_where_their_blur_shows_the_exposure(times: fl
     middles = (moving.exposure - assumed.exposure) / 2
     frames = [replace(frame, time=frame.time + middles) for frame in moving.recorded]
     found = movement(frames, assumed.camera, Settings())
-    assert {one.share for one in found.evidence[2:]} == {float(times == 1)}  # the second frame hardly moves
+    shares = [one.share for one in found.evidence]
+    assert shares.pop(1) < 0.5  # that frame hardly moves
+    assert set(shares) == {float(times == 1)}
     results = list(multi_frame.restored(frames[2:4], found.part(2, 4), assumed.camera, Settings(frames="alone", prior="tv")))
     assert [result.verdict for result in results] == [verdict, verdict]
 
