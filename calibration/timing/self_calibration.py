@@ -82,7 +82,7 @@ def explain(
     others = [fit for fit in fits if abs(fit.row_time * rows - readout) > distance]
     is_global = abs(readout) < _GLOBAL * std
     spread = _spread(best, others, rows, disagreement)
-    found = Likeliest(readout=readout, std=float(np.hypot(std, spread))) if std < period and not _at_the_end(readout, period) else None
+    found = Likeliest(readout=readout, std=float(np.hypot(std, spread))) if std < period else None
     if disagreement > _APART:
         raise CannotTellError(
             f"parts of the clip disagree by {np.sqrt(disagreement):.1f} deviations; is it stabilised, or does much of the scene move?",

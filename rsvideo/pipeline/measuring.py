@@ -31,6 +31,7 @@ from rsvideo.video.decode import OnDamage
 from rsvideo.video.stream import Stream
 
 FRAMES = 40  # from the middle of what is restored
+_READOUTS = 2001  # steps of a frame's period, in which the density of a readout is averaged
 DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
 
 
@@ -163,15 +164,18 @@ def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources)
 
 
 def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, float]:
-    """The readout that vague motion and what is usual of cameras make likeliest, and its deviation, s; None where neither says one."""
-    if shown is None or shown.readout <= 0:
-        return None, 0.0
+    """The readout that vague motion and what is usual of cameras make likeliest, and its deviation, s; None where neither says one.
+
+    It is the mean of both Gaussians' product between 0 and the frame's period, for no camera reads longer.
+    """
     mean, spread = usual.READOUT * period, usual.READOUT_SPREAD * period
-    share = spread**2 / (spread**2 + shown.std**2)  # of two Gaussians' product
-    if share < 0.5:  # the motion says less than what is usual
+    if shown is None or shown.readout <= 0 or shown.std > spread:  # the motion says less than what is usual
         return None, 0.0
-    readout = share * shown.readout + (1 - share) * mean
-    return round(readout, DECIMALS), round(float(np.sqrt(share)) * shown.std, DECIMALS)
+    readouts = np.linspace(0, period, _READOUTS)
+    density = np.exp(-(((readouts - shown.readout) / shown.std) ** 2 + ((readouts - mean) / spread) ** 2) / 2)
+    readout = np.average(readouts, weights=density)
+    deviation = np.sqrt(np.average((readouts - readout) ** 2, weights=density))
+    return round(float(readout), DECIMALS), round(float(deviation), DECIMALS)
 
 
 def _pairs(run: Run) -> list[Pair]:
