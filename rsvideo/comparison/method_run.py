@@ -124,7 +124,7 @@ def settled(request: Request) -> Request:
     """Answer every question that a request leaves, without doing it, and what took work to find for good; raises as `prepare` does."""
     with tempfile.TemporaryDirectory() as name:
         task = prepare(request.replaced(output=Path(name) / request.output.name, overwrite=True))
-    return request.replaced(motion=task.request.motion)
+    return request.replaced(motion=task.request.motion, measured=task.request.measured)
 
 
 def _note(order: Order, run: MethodRun) -> None:

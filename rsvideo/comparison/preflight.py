@@ -20,7 +20,11 @@ def settled(requests: Sequence[Request], truth: Path | None, crops: Sequence[Box
     first = requests[0]
     if not first.source.exists() and not is_pattern(first.source):
         raise UnreadableError(f"{first.source} does not exist; is its name mistyped?")
-    answered = [method_run.settled(request) for request in requests]
+    answered, found = list[Request](), None
+    for request in requests:
+        answered.append(method_run.settled(request.replaced(measured=found)))
+        found = answered[-1].measured
+    answered = [request.replaced(measured=found) for request in answered]  # so that methods differ, and not shutters
     if truth is not None or crops:
         source = decoded.source(first)
         if truth is not None:

@@ -161,21 +161,27 @@ def taken_by(request: Request, take: Take, found: Tracked | None = None) -> tupl
 
 
 def measured(request: Request, take: Taken, frames: Callable[[], Iterable[Frame]]) -> tuple[Request, Taken]:
-    """The same with what the clip's own frames show of its shutter and lens, where our method needs it and it was not measured before.
+    """The same with what the clip's own frames show of its shutter and lens, where that is needed and was not measured before.
 
-    `frames` opens those of the clip's `measuring.middle`.
+    Every method needs what nobody states; our own checks an exposure that is typed in, too. `frames` opens those of the clip's
+    `measuring.middle`.
     """
-    motion, deblur = request.motion, request.deblur
-    ours = deblur.method is Method.RSVIDEO and motion.trajectory is None and deblur.frames != "cold"
-    if not take.of_clip or not ours:
+    if not take.of_clip or not measurable(request):
         return request, take
     from rsvideo.pipeline import measuring
 
     if request.measured is None:
+        if request.deblur.method is not Method.RSVIDEO and not measuring.unstated(request.camera, take.shutter):
+            return request, take
         if request.preview:  # which shows what is stated, or assumed; a job measures it
             return request, measuring.settled(take, Measured()) if measuring.unstated(request.camera, take.shutter) else take
         request = request.replaced(measured=measuring.of_frames(take, request.camera, frames))
     return request, measuring.settled(take, request.measured)
+
+
+def measurable(request: Request) -> bool:
+    """Whether a clip's own frames may show its shutter: not beside a motion that is given, and not where each frame is on its own."""
+    return request.deblur.method is not Method.NONE and request.motion.trajectory is None and request.deblur.frames != "cold"
 
 
 def _middle(request: Request, opened: Opened, first: int, last: int) -> Iterable[Frame]:

@@ -13,13 +13,12 @@ from typing import Any, Literal
 import numpy as np
 
 from rsvideo.comparison import residual
-from rsvideo.config.method import Method
 from rsvideo.config.request import Camera, Measured, Request
 from rsvideo.config.sidecar import Sidecar
 from rsvideo.frame import FrameResult
 from rsvideo.physics.channels import any_channel
 from rsvideo.pipeline import clip_facts, demand, measuring, output, preview
-from rsvideo.pipeline.prepare import Task, prepare
+from rsvideo.pipeline.prepare import Task, measurable, prepare
 from rsvideo.progress import Observer, Progress, within
 from rsvideo.report import charts, metrics
 from rsvideo.stills.still import Still
@@ -104,7 +103,7 @@ def _measured(wanted: Request, observe: Observer) -> Measured:
     """What the clip's frames show of what nobody states; nothing where all is stated."""
     given = wanted.camera
     take = clip_facts.opened(wanted)
-    if wanted.deblur.method is not Method.RSVIDEO or not measuring.unstated(given, take.shutter):
+    if not measurable(wanted) or not measuring.unstated(given, take.shutter):
         return Measured()
     assert not isinstance(take.source, Still)
     observe(Progress(stage="measuring the clip's exposure and readout", fraction=0.0))

@@ -148,11 +148,10 @@ def test_a_method_that_is_not_known_is_named_with_the_one_that_was_meant(clip: P
         (("--crop", "80,8,64,32", *GOOD), 2, "crop must lie within the picture of 96 x 64 px"),
         (("--truth", "gone.mp4", *GOOD), 3, "gone.mp4"),
         (("--methods", "gyro", "--gyro", "gone.gcsv", *GOOD), 3, "gone.gcsv"),
-        (("--methods", "rectify"), 2, "exposure"),
         (("--set", "camera.exposure=1/50"), 2, "--set is for a job's file"),
         (("--methods", "gyro", "--gyro", "LOG", "--gyro-offset", "1000", "--gyro-axes", "XYZ", *GOOD), 2, "gyro log must cover the clip"),
     ],
-    ids=["no methods", "half a crop", "crop outside", "no truth", "no log", "no timing", "set", "log of another time"],
+    ids=["no methods", "half a crop", "crop outside", "no truth", "no log", "set", "log of another time"],
 )
 def test_a_wrong_request_is_one_line(clip: Path, tmp_path: Path, words: tuple[str, ...], code: int, part: str) -> None:
     methods = () if "--methods" in words else ("--methods", "none")
@@ -164,6 +163,20 @@ def test_a_wrong_request_is_one_line(clip: Path, tmp_path: Path, words: tuple[st
     assert part in told[1]
     assert "\n" not in told[1]
     assert not (tmp_path / "r").exists()
+
+
+def test_a_photograph_that_does_not_say_its_exposure_is_refused(case: Path, tmp_path: Path) -> None:
+    code, line = refused(case / "stills/shift_00/blurred.png", "-o", tmp_path / "r", "--methods", "uniform")
+    assert (code, "exposure must be given" in line) == (2, True), line
+
+
+@pytest.mark.usefixtures("in_this_process")
+def test_methods_get_one_shutter_where_nobody_states_it(clip: Path, tmp_path: Path) -> None:
+    app(["compare", str(clip), "-o", str(tmp_path / "r"), "--methods", "none,rectify,uniform"], standalone_mode=False)
+    frames = [json.loads((tmp_path / f"r/results/{name}/clip.rsvideo.json").read_text())["frames"] for name in ("rectify", "uniform")]
+    shutters = [[frame["timing"] for frame in each] for each in frames]
+    assert len(shutters[0]) == 3
+    assert shutters[0] == shutters[1]
 
 
 def test_a_truth_of_another_size_or_length_is_refused(clip: Path, tmp_path: Path) -> None:
