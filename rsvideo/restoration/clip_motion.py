@@ -10,7 +10,7 @@ its precision. Everything here is along the scanlines, but for the `Movement` th
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -76,6 +76,7 @@ class Run:
     pictures: Int[np.ndarray, " pictures"]  # which of the frames each picture of the clip shows: some repeat the one before
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
     toned: bool = True  # whether points may show tones: not with a readout that is no more than a guess
+    misfits: dict[int, Float[np.ndarray, " tried"]] = field(default_factory=dict)  # of frames, to exposures, whatever is believed
 
     @property
     def direction(self) -> Direction:

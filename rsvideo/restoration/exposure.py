@@ -31,7 +31,7 @@ from rsvideo.restoration.clip_motion import Followed, Run, beside, path_from_tra
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scene import Scene
-from rsvideo.restoration.spectrum import Patches, Spectrum, patches
+from rsvideo.restoration.spectrum import Spectrum, patches
 from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
 from rsvideo.restoration.vibration import exposed
@@ -57,6 +57,8 @@ STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distri
 CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
 ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
 FARTHEST = 6.0  # times the exposure that is believed, or one by that, is the last that is tried of a part of a clip: typed slips are of 5
+SAME = 1e-3  # relative difference of exposures, up to which both are the same
+FAINT = 0.5  # px of blur, below which the focus has no dip
 _LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 
 
@@ -86,11 +88,16 @@ class _Tried:
     times: Float[np.ndarray, " frames"]  # s, from the middle of the run
     misfits: Float[np.ndarray, "frames tried"]
 
+    def between(self, shortest: float, longest: float) -> "_Tried":
+        """The same of fewer exposures."""
+        held = (self.exposures >= shortest) & (self.exposures <= longest)
+        return replace(self, exposures=self.exposures[held], misfits=self.misfits[:, held])
+
 
 def measured(run: Run, period: float) -> Exposure | Unclear:
     """The exposure of a run's frames, which are `period` seconds apart, up to that period."""
     path = path_from_tracks(run)
-    tried = _tried(run, path, _most_moving(run, path)[:FRAMES], _ratios(period * SHORTEST, period), period)
+    tried = _tried(run, path, _most_moving(run, path)[:FRAMES], period)
     if isinstance(tried, Unclear):
         return tried
     logarithms = np.log(tried.exposures)
@@ -134,7 +141,7 @@ def followed(run: Run) -> Followed:
     if run.exposure_shown and run_share(found.votes) == 1:
         return found
     exposures = of_each(run, np.inf)
-    if np.array_equal(exposures, run.exposures):
+    if np.allclose(exposures, run.exposures, rtol=SAME, atol=0):
         return found
     shown = Followed.of(run.exposed(exposures))
     return shown if deviations(shown.votes) > deviations(found.votes) + BELIEVED else found
@@ -153,10 +160,10 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     period = float(np.median(np.diff(run.begins)))
     path = path_from_tracks(run)
     frames = _most_moving(run, path, -np.inf if assumed else SHOWS)
-    exposures = _ratios(max(about / FARTHEST, period * SHORTEST), min(about * FARTHEST, period))
-    tried = _tried(run, path, frames, exposures, period)
+    tried = _tried(run, path, frames, period)
     if isinstance(tried, Unclear):
         return run.exposures
+    tried = tried.between(about / FARTHEST, about * FARTHEST)
     logarithms = np.log(tried.exposures)
     prior = -np.log1p(((logarithms - np.log(about)) / spread) ** 2)
     shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
@@ -176,24 +183,20 @@ def _middle(run: Run) -> float:
     return 0.5 * float(run.begins[0] + run.begins[-1])
 
 
-def _ratios(shortest: float, longest: float) -> Float[np.ndarray, " tried"]:
-    """Exposures from the shortest to the longest."""
-    return np.geomspace(shortest, longest, 1 + max(2, round(np.log(longest / shortest) / np.log(RATIO))))
-
-
-def _tried(run: Run, path: CameraPath, frames: Sequence[int], exposures: Float[np.ndarray, " tried"], period: float) -> _Tried | Unclear:
-    """What the blur of some frames says of exposures, with misfits between them interpolated."""
+def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> _Tried | Unclear:
+    """What the blur of some frames says of exposures up to a period, with misfits between those that are compared interpolated."""
     if len(frames) < FEWEST:
         return Unclear(reason="too few of its frames could be followed from one to the next")
-    flows = beside(run, path)
-    scenes = [_scene(run, path, k, flows[k], period) for k in frames]
-    textured = [(k, scene, found) for k, scene in zip(frames, scenes, strict=True) if (found := patches(scene))]
-    if len(textured) < FEWEST:
+    exposures = period * np.geomspace(SHORTEST, 1, 1 + round(-np.log(SHORTEST) / np.log(RATIO)))
+    if missing := [k for k in frames if k not in run.misfits]:
+        flows = beside(run, path)
+        found = threads.each(lambda k: _misfits(run, path, k, flows[k], exposures), missing)
+        run.misfits.update(zip(missing, found, strict=True))
+    held = [k for k in frames if len(run.misfits[k])]
+    if len(held) < FEWEST:
         return Unclear(reason="too few of its frames have texture to show blur")
-    misfits = threads.each(lambda each: _misfits(run, path, *each, exposures), textured)
     fine = np.geomspace(exposures[0], exposures[-1], 1 + FINER * (len(exposures) - 1))
-    between = CubicSpline(np.log(exposures), np.array(misfits), axis=1)(np.log(fine))
-    held = [k for k, _, _ in textured]
+    between = CubicSpline(np.log(exposures), np.array([run.misfits[k] for k in held]), axis=1)(np.log(fine))
     return _Tried(exposures=fine, frames=held, times=run.begins[held] - _middle(run), misfits=between)
 
 
@@ -243,15 +246,12 @@ def _middle_length(run: Run, path: CameraPath, frames: Sequence[int], exposure: 
     return float(np.median([_length(run, path, k, exposure) for k in frames]))
 
 
-def _scene(run: Run, path: CameraPath, k: int, flow: Flow | None, period: float) -> Scene:
-    """The scene of frame k, in whose patches blur of half the longest exposure has room."""
-    return scene_at(run, k, flow, _length(run, path, k, period) / 2)
-
-
-def _misfits(
-    run: Run, path: CameraPath, k: int, scene: Scene, observed: Patches, exposures: Float[np.ndarray, " tried"]
-) -> Float[np.ndarray, " tried"]:
-    """m_k of exposures, whose ratio from one to the next is a."""
+def _misfits(run: Run, path: CameraPath, k: int, flow: Flow | None, exposures: Float[np.ndarray, " tried"]) -> Float[np.ndarray, " shown"]:
+    """m_k of exposures, whose ratio from one to the next is a; of none where the frame has no texture."""
+    lengths = np.array([_length(run, path, k, e) for e in exposures])
+    scene = scene_at(run, k, flow, lengths[-1] / 2)  # in its patches, blur of half the longest exposure has room
+    if not (observed := patches(scene)):
+        return np.zeros(0)
 
     def taken(exposure: float) -> tuple[Scene, Trajectory]:
         return replace(scene, camera=scene.camera.exposed(exposure)), _covered(run, path, k, exposure)
@@ -266,7 +266,9 @@ def _misfits(
         shown, cut = taken(exposure)
         return sparsity.value(sampled(shown, cut), cut, shown.search_ridge)
 
-    tried, ratio = exposures.tolist(), float(exposures[1] / exposures[0])
-    sparse = np.array([sparsity_of(e) for e in (tried[0] / ratio, *tried, tried[-1] * ratio)])
-    sharp = (sparse[:-2] + sparse[2:]) / 2 - sparse[1:-1]
+    tried, ratio, sharp = exposures.tolist(), float(exposures[1] / exposures[0]), np.zeros(len(exposures))
+    first = int(np.argmax(lengths >= FAINT))
+    if lengths[first] >= FAINT:
+        sparse = np.array([sparsity_of(e) for e in (tried[first] / ratio, *tried[first:], tried[-1] * ratio)])
+        sharp[first:] = (sparse[:-2] + sparse[2:]) / 2 - sparse[1:-1]
     return np.array([by_spectra(e) for e in tried]) - FOCUSED * np.tanh(sharp / FULL_VOTE)

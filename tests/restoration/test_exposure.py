@@ -87,7 +87,7 @@ def test_each_frame_has_the_exposure_that_its_part_of_the_clip_shows(
 ) -> None:
     run = taken(MOVING.recorded, assumed)
     true = 0.02 * np.exp(change * (run.begins - run.begins.mean()))
-    monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _scene, _patches, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
+    monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _flow, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
     assert exposure.of_each(run, spread) == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
 
 
@@ -97,6 +97,27 @@ def test_frames_that_show_no_exposure_have_that_of_the_clip(monkeypatch: pytest.
     for spread in (exposure.ABOUT, np.inf):
         np.testing.assert_array_equal(exposure.of_each(run, spread), np.full(8, 0.018))
     np.testing.assert_array_equal(exposure.of_each(taken(MOVING.recorded[:2], 0.018)), [0.018, 0.018])
+
+
+def test_a_frames_blur_is_compared_once_whatever_is_believed_of_its_exposure(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, compared = taken(MOVING.recorded, 0.018), []
+    monkeypatch.setattr(
+        exposure, "_misfits", lambda _run, _path, k, _flow, e: compared.append(k) or -np.exp(-(np.log(e / 0.02) ** 2) / 0.1)
+    )
+    shown = run.exposed(exposure.of_each(run))
+    np.testing.assert_allclose(exposure.of_each(shown, np.inf), exposure.of_each(run, np.inf), rtol=1e-5)
+    assert sorted(compared) == list(range(8))
+
+
+def test_below_half_a_pixel_of_blur_the_focus_has_no_dip(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = taken(MOVING.recorded[:3], 0.018)
+    path, tried = exposure.path_from_tracks(run), np.geomspace(2e-4, 0.02, 21)
+    short, whole = [], []
+    for faint, found in ((exposure.FAINT, short), (0.0, whole)):
+        monkeypatch.setattr(exposure, "FAINT", faint)
+        found.append(exposure._misfits(run, path, 1, None, tried))
+    np.testing.assert_allclose(short[0], whole[0], atol=0.01)
+    assert (short[0] != whole[0]).any()
 
 
 def test_frames_are_exposed_about_the_middles_that_they_had() -> None:
