@@ -137,6 +137,14 @@ def test_a_short_clip_makes_a_readout_likely_and_is_no_answer() -> None:
     assert abs(likeliest.readout - 0.012) < 2 * likeliest.std < 0.004
 
 
+@pytest.mark.slow
+def test_a_readout_that_seems_longer_than_a_period_is_no_answer_and_long() -> None:
+    with pytest.raises(CannotTellError, match="ms is likeliest, give or take") as told:
+        found(film(1.15 / FPS, rms=0.05))
+    assert told.value.likeliest is not None
+    assert told.value.likeliest.readout == pytest.approx(1.15 / FPS, rel=0.05)
+
+
 def test_a_readout_with_likely_others_is_less_certain() -> None:
     best, near, far = (PathFit(row_time=t, value=-cost, hyper=(np.zeros(3), np.zeros(3))) for t, cost in ((1e-4, 0), (8e-5, 2), (2e-5, 9)))
     assert self_calibration._spread(best, [], 100, 1.0) == 0
