@@ -163,7 +163,7 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     tried = _tried(run, path, frames, period)
     if isinstance(tried, Unclear):
         return run.exposures
-    tried = tried.between(about / FARTHEST, about * FARTHEST)
+    tried = tried.between(about / FARTHEST, max(about, period * SHORTEST) * FARTHEST)
     logarithms = np.log(tried.exposures)
     prior = -np.log1p(((logarithms - np.log(about)) / spread) ** 2)
     shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])

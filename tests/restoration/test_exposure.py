@@ -109,6 +109,12 @@ def test_a_frames_blur_is_compared_once_whatever_is_believed_of_its_exposure(mon
     assert sorted(compared) == list(range(8))
 
 
+def test_an_exposure_far_below_those_that_are_tried_may_be_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = taken(MOVING.recorded, 2e-5)
+    monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, _k, _flow, e: -np.exp(-(np.log(e / 0.002) ** 2) / 0.1))
+    assert exposure.of_each(run, np.inf) == pytest.approx(np.full(8, 2e-5))  # which leaves too little blur to tell
+
+
 def test_below_half_a_pixel_of_blur_the_focus_has_no_dip(monkeypatch: pytest.MonkeyPatch) -> None:
     run = taken(MOVING.recorded[:3], 0.018)
     path, tried = exposure.path_from_tracks(run), np.geomspace(2e-4, 0.02, 21)
