@@ -194,7 +194,7 @@ def test_what_is_no_whole_clip_is_told_in_one_line_and_nothing_is_written(bad, t
     ("words", "code", "said"),
     [
         (("--exposure", "1/50", "--readout", "50ms", "--focal-px", "190"), 2, "readout"),
-        (("--method", "rectify", "--readout", "20ms", "--focal-px", "190"), 2, "exposure"),
+        (("--frames", "cold", "--readout", "20ms", "--focal-px", "190"), 2, "exposure"),
         ((*GOOD, "--range", "1:00-2:00"), 2, "range"),
         ((*GOOD, "--codec", "prores"), 2, ".mov"),
         ((*GOOD, "--codec", "h265"), 2, "h265"),
