@@ -163,18 +163,19 @@ def taken_by(request: Request, take: Take, found: Tracked | None = None) -> tupl
 def measured(request: Request, take: Taken, frames: Callable[[], Iterable[Frame]]) -> tuple[Request, Taken]:
     """The same with what the clip's own frames show of its shutter and lens, where that is needed and was not measured before.
 
-    Every method needs what nobody states; our own checks an exposure that is typed in, too. `frames` opens those of the clip's
-    `measuring.middle`.
+    Every method needs what nobody states; our own checks an exposure that is typed in even where all is stated. `frames` opens those of
+    the clip's `measuring.middle`.
     """
     if not take.of_clip or not measurable(request):
         return request, take
     from rsvideo.pipeline import measuring
 
     if request.measured is None:
-        if request.deblur.method is not Method.RSVIDEO and not measuring.unstated(request.camera, take.shutter):
+        ours = request.deblur.method is Method.RSVIDEO
+        if (request.preview or not ours) and not measuring.unstated(request.camera, take.shutter):
             return request, take
-        if request.preview:  # which shows what is stated, or assumed; a job measures it
-            return request, measuring.settled(take, Measured()) if measuring.unstated(request.camera, take.shutter) else take
+        if request.preview:  # which shows what is assumed; a job measures it
+            return request, measuring.settled(take, Measured())
         request = request.replaced(measured=measuring.of_frames(take, request.camera, frames))
     return request, measuring.settled(take, request.measured)
 
