@@ -109,6 +109,6 @@ def test_objects_are_never_unpickled(stream: Stream, tmp_path: Path) -> None:
     data = io.BytesIO()
     np.save(data, np.array([print], object), allow_pickle=True)
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
-        archive.writestr("0.0", data.getvalue())
+        archive.writestr("0.0.steps", data.getvalue())
     with pytest.raises(UnreadableError, match=r"damaged.*allow_pickle"):
         list(planes.read(tmp_path / "a.zip", stream, [0]))
