@@ -52,7 +52,7 @@ LEAST_DEVIATION = 0.05  # the same of any answer: nine on clips of single photog
 DEFENDED = 6.0  # px of blur in the middle one of them, from which on focus bears a stated exposure out; wrong ones had 3.6 to 4.8
 BELIEVED = 0.5  # standard deviations of a run's focus, by which it must be better with other exposures than with those that are believed
 SHOWS = 2.0  # px of blur, from which on a frame helps to follow automatic exposure, and the better half of a part shows its own
-ROUGHLY = 0.4  # the same for some frames of a clip whose exposure is assumed: one deviation less is nearer to it than the assumption
+ROUGHLY = 0.4  # the same for some frames of a clip whose exposure is assumed
 STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes; origin: by trial
 CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
 ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
@@ -152,7 +152,8 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
 
     `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
     few frames are blurred, or where they do not agree, each has the camera's. A clip that does not show its exposure, because its path is
-    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same.
+    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same. What is shown is taken one deviation
+    shorter: too long an exposure costs a frame more than one that is as much too short.
     """
     about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
@@ -171,8 +172,7 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
     if deviation > (ROUGHLY if assumed else VAGUE):
         return run.exposures
-    if deviation > VAGUE:
-        x -= deviation  # a shorter exposure is the milder error
+    x -= max(deviation, LEAST_DEVIATION)  # a shorter exposure is the milder error
     better = tried.frames[: max(FEWEST, len(tried.frames) // 2)]
     if assumed and _middle_length(run, path, better, float(np.exp(x))) < SHOWS:
         return run.exposures
