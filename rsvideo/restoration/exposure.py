@@ -13,7 +13,7 @@ is what frame k shows of the n exposures that are tried. Automatic exposure foll
 
     log e_k = x + y t_k,    p(x, y) = p(x) p(y) prod_k p_k(exp(x + y t_k)),
 
-with Cauchy's distribution about 0 for p(y): mostly the exposure stays, and where it does not, it may change much.
+with p(y) half at 0 and half in Cauchy's distribution about it: mostly the exposure stays, and where it does not, it may change much.
 """
 
 from collections.abc import Sequence
@@ -53,7 +53,8 @@ DEFENDED = 6.0  # px of blur in the middle one of them, from which on focus bear
 BELIEVED = 0.5  # standard deviations of a run's focus, by which it must be better with other exposures than with those that are believed
 SHOWS = 2.0  # px of blur, from which on a frame helps to follow automatic exposure, and the better half of a part shows its own
 ROUGHLY = 0.4  # the same for some frames of a clip whose exposure is assumed
-STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes; origin: by trial
+STAYS = 0.5  # of the parts of clips, those in which the exposure does not change; origin: by trial
+STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes else; origin: by trial
 CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
 ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
 FARTHEST = 6.0  # times the exposure that is believed, or one by that, is the last that is tried of a part of a clip: typed slips are of 5
@@ -211,7 +212,8 @@ def _likelihoods(tried: _Tried) -> Float[np.ndarray, "frames tried changes"]:
 
 def _shown(logarithm: Float[np.ndarray, "tried changes"]) -> Float[np.ndarray, "tried changes"]:
     """p(x, y), of sum 1, from the frames' own and p(x); that of a change is added."""
-    together = logarithm - np.log1p((CHANGES / STEADY) ** 2)
+    changing = 1 / (1 + (CHANGES / STEADY) ** 2)
+    together = logarithm + np.log((1 - STAYS) * changing / changing.sum() + STAYS * (CHANGES == 0))
     shown = np.exp(together - together.max())
     return shown / shown.sum()
 

@@ -79,6 +79,18 @@ def test_automatic_exposure_shows_as_an_even_change_from_frame_to_frame(growth: 
     assert shown.sum(axis=1) @ np.log(tried.exposures) == pytest.approx(10 * steps, abs=steps)
 
 
+def test_a_change_that_hardly_shows_is_hardly_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = np.linspace(-0.2, 0.2, 12)
+    likely = exposure._likelihoods(blurred(10 + 0.4 * times / np.log(exposure.RATIO), times=times, depth=0.1)).sum(axis=0)
+
+    def change() -> float:
+        return float(exposure._shown(likely).sum(axis=0) @ exposure.CHANGES)
+
+    believed = change()
+    monkeypatch.setattr(exposure, "STAYS", 0.0)
+    assert 0 < believed < 0.7 * change()
+
+
 @pytest.mark.parametrize(
     ("assumed", "spread", "change"), [(0.018, exposure.ABOUT, 0.8), (0.018, exposure.ABOUT, -0.8), (0.006, np.inf, 0.0)]
 )
