@@ -1,7 +1,7 @@
 """Pictures kept losslessly between two steps of the work: one file, each plane a NumPy array in a ZIP archive.
 
-Of a plane the steps along its rows are kept, from one column to the next, as whole numbers that wrap around: they shrink to three
-quarters of what the plane itself shrinks to.
+Of a plane the steps along its rows are kept, from one column to the next, as whole numbers that wrap around: they shrink to five
+sixths of what the plane itself shrinks to.
 """
 
 import io
