@@ -153,8 +153,8 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
 
     `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
     few frames are blurred, or where they do not agree, each has the camera's. A clip that does not show its exposure, because its path is
-    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same. What is shown is taken one deviation
-    shorter: too long an exposure costs a frame more than one that is as much too short.
+    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same. What is shown of an exposure that is
+    roughly known, or shown vaguely, is taken one deviation shorter: too long an exposure costs a frame more than one as much too short.
     """
     about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
@@ -173,7 +173,8 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
     if deviation > (ROUGHLY if assumed else VAGUE):
         return run.exposures
-    x -= max(deviation, LEAST_DEVIATION)  # a shorter exposure is the milder error
+    if not assumed or deviation > VAGUE:  # else it has to come into focus first, and one deviation may cost that
+        x -= max(deviation, LEAST_DEVIATION)  # a shorter exposure is the milder error
     better = tried.frames[: max(FEWEST, len(tried.frames) // 2)]
     if assumed and _middle_length(run, path, better, float(np.exp(x))) < SHOWS:
         return run.exposures
