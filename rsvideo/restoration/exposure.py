@@ -153,8 +153,8 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
 
     `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
     few frames are blurred, or where they do not agree, each has the camera's. A clip that does not show its exposure, because its path is
-    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same. What is shown of an exposure that is
-    roughly known, or shown vaguely, is taken one deviation shorter: too long an exposure costs a frame more than one as much too short.
+    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same. What is shown of an exposure that was
+    measured before, or is shown vaguely, is taken one deviation shorter: too long an exposure costs more than one as much too short.
     """
     about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
