@@ -136,15 +136,17 @@ class Fusion:
         first: Picture,
         weights: Float[np.ndarray, "rows cols"],
         noise: float,
+        error: float,
         *,
         patch: int,
         doubt: float,
         margin: int,
     ) -> None:
-        """`weights` are those of the frame's own pixels; nearer to its borders than `margin` a picture shows nothing."""
+        """`noise` is the sensor's, and the path may be off by `error` px. `weights` are those of the frame's own pixels; nearer to its
+        borders than `margin` a picture shows nothing."""
         self._frame, self._first, self._patch, self._margin = frame, first, patch, margin
         self._observed, self._unclipped = _grey(frame.planes), frame.data.min(axis=0)
-        self._limit = doubt**2 * (self._misfit(first.planes) + noise**2 / 2)
+        self._limit = doubt**2 * (self._misfit(first.planes) + self._variance(noise, error) / 2)
         self._weights = self._alone = xp.asarray(weights, xp.float32)
         self._total = self._weights * first.planes
         self._explained, self._shown = xp.zeros(weights.shape, xp.float32), xp.zeros(weights.shape, bool)
@@ -176,6 +178,12 @@ class Fusion:
 
     def _misfit(self, image: Array) -> Array:
         return resampling.mean(self._unclipped * (self._frame.blurred(_grey(image)) - self._observed) ** 2, self._patch)
+
+    def _variance(self, noise: float, error: float) -> Array:
+        power = xp.zeros_like(self._observed)
+        power[:, :-1] += xp.diff(self._observed, axis=1) ** 2
+        power[:-1] += xp.diff(self._observed, axis=0) ** 2
+        return xp.float32(noise**2) + xp.float32(error**2) * xp.minimum(resampling.mean(power, self._patch), power.mean())
 
     def _at_pose(self, other: Neighbour, shift: Float[np.ndarray, "2 2 rows"]) -> tuple[Array, Array]:
         """The neighbour's picture at the frame's pose, and where it shows a patch about the place; elsewhere the frame's own."""

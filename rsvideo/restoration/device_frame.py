@@ -94,11 +94,11 @@ def neighbour(first: Any, other: Any, drift: Float[np.ndarray, "high wide 2"], s
     return fusion.Neighbour(first, other, drift, spacing, fusion.Comparison(**how))
 
 
-def fusion(frame: Any, first: Any, weights: Float[np.ndarray, "rows cols"], noise: float, **how: Any) -> Any:
+def fusion(frame: Any, first: Any, weights: Float[np.ndarray, "rows cols"], noise: float, error: float, **how: Any) -> Any:
     """The weighted mean of a frame's picture and of others; `how` they count, see `fusion`."""
     from rsvideo.gpu import fusion
 
-    return fusion.Fusion(frame, first, weights, noise, **how)
+    return fusion.Fusion(frame, first, weights, noise, error, **how)
 
 
 def straightened(

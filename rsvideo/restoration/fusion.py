@@ -31,7 +31,7 @@ RIDGE = 0.6  # rho; origin: by trial
 FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out; origin: by trial
 MOST = 4  # neighbours, the sharpest
 SHORTEST = 1.0  # px; no blur is counted as shorter
-PATCH = 15  # px over which a neighbour must explain the frame; origin: by trial
+PATCH = 11  # px over which a neighbour must explain the frame; origin: by trial
 LEAST_SHOWN = 1e-3  # of the frame's own weight, that neighbours have together where they show a place
 LEAST_OWN = 1e-3  # of the frame's own weight, where its data show nothing: something is shown where no neighbour does, either
 DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
@@ -83,26 +83,28 @@ def fused(
     others: Sequence[PosedImage],
     intrinsics: Intrinsics,
     noise: float,
+    error: float = 0.0,
     *,
     own: Float[np.ndarray, "rows cols"] | None = None,
     displaced: Displaced | None = None,
 ) -> Fused:
     """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'.
 
-    `own` is the share of the frame's own latent image that its data grant, 0 to 1: all of it by default. It counts by as much. Where
-    scanlines are `displaced` as the path says, the answer also says how much of the path's blur the frame shows.
+    `noise` is the sensor's, and the path may be off by `error` px. `own` is the share of the frame's own latent image that its data
+    grant, 0 to 1: all of it by default. It counts by as much. Where scanlines are `displaced` as the path says, the answer also says how
+    much of the path's blur the frame shows.
     """
     share = np.ones(first.latent.shape[:2], np.float32) if own is None else np.maximum(own, LEAST_OWN).astype(np.float32)
     weights = np.float32(first.weight) * share
     if frame.device == "cuda":
-        return _fused_there(frame, first, others, intrinsics, noise, weights, displaced)
+        return _fused_there(frame, first, others, intrinsics, (noise, error), weights, displaced)
     pixels, valid = frame.observed()
     observed, unclipped = grey(pixels), least_channel(valid)
 
     def misfit(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
-        return cv2.boxFilter(unclipped * (frame.blurred(grey(image)) - observed) ** 2, -1, (PATCH, PATCH))
+        return _about(unclipped * (frame.blurred(grey(image)) - observed) ** 2)
 
-    limit = DOUBT**2 * (misfit(first.latent) + noise**2 / 2)
+    limit = DOUBT**2 * (misfit(first.latent) + _variance(observed, noise, error) / 2)
     total, alone = weights[..., None] * first.latent, weights.copy()
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
     soft = softened(first.latent)
@@ -126,6 +128,20 @@ def fused(
     return _result(frame.towards(total, RIDGE), explained, shown, weights, first, found)
 
 
+def _about(image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+    """The mean over a patch about each pixel."""
+    return cv2.boxFilter(image, -1, (PATCH, PATCH))
+
+
+def _variance(observed: Float[np.ndarray, "rows cols"], noise: float, error: float) -> Float[np.ndarray, "rows cols"]:
+    """Of what a right neighbour leaves unexplained: the sensor's, and what a path that is off by `error` px makes of the gradients about
+    the place, of those of the whole frame at most."""
+    power = np.zeros_like(observed)
+    power[:, :-1] += np.diff(observed, axis=1) ** 2
+    power[:-1] += np.diff(observed, axis=0) ** 2
+    return np.float32(noise**2) + np.float32(error**2) * np.minimum(_about(power), power.mean())
+
+
 def _result(
     latent: Any, explained: np.ndarray, shown: np.ndarray, weights: np.ndarray, first: PosedImage, found: Confirmed | None
 ) -> Fused:
@@ -138,16 +154,17 @@ def _fused_there(
     first: PosedImage,
     others: Sequence[PosedImage],
     intrinsics: Intrinsics,
-    noise: float,
+    noise: tuple[float, float],
     weights: Float[np.ndarray, "rows cols"],
     displaced: Displaced | None,
 ) -> Fused:
-    """The same on the GPU, where neighbours follow one another; `weights` are those of the frame's own latent image."""
+    """The same on the GPU, where neighbours follow one another; `noise` is the sensor's, and the path's error in px; `weights` are those of
+    the frame's own latent image."""
     rows, cols, _ = first.latent.shape
     x, y = np.meshgrid(nodes(cols).astype(float), nodes(rows).astype(float))
     step, basis = alignment.thinned(rows, cols), alignment.bends(rows)
     how = {"step": step, "edge": alignment.EDGE, "outlier": alignment.OUTLIER, "least_difference": alignment.LEAST_DIFFERENCE}
-    total = device_frame.fusion(frame, first.there, weights, noise, patch=PATCH, doubt=DOUBT, margin=LANCZOS)
+    total = device_frame.fusion(frame, first.there, weights, *noise, patch=PATCH, doubt=DOUBT, margin=LANCZOS)
     for other in others:
         drift = resampled_at(intrinsics, first.pose - other.pose, x, y) - np.stack([x, y], axis=-1)
         neighbour = device_frame.neighbour(first.there, other.there, drift, NODES, **how)

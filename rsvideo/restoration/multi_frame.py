@@ -156,7 +156,7 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         straight = _straight(view, path, evidence, moved, settings.device)
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
-    noise = single_frame.model_noise(view, min(evidence.error, length) if evidence else 0.0)
+    noise = single_frame.model_noise(view, _error(evidence, length))
     draft = draft and settings.splittings > 0 and not too_long(view, length)
     how = replace(settings, quality="draft") if draft else settings
     alone = single_frame.restored(view, how, path=path, noise=noise, flow=evidence and evidence.flow, coverage=evidence is not None)
@@ -171,6 +171,11 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
     )
     image = PosedImage(latent=waiting.mixed(alone.latent, settings.device), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, latent=image.latent, covered=None, seconds=time.monotonic() - started), image=image)
+
+
+def _error(evidence: Evidence | None, length: float) -> float:
+    """How far a path whose blur is `length` px long may be off, px; one that was given is not."""
+    return min(evidence.error, length) if evidence else 0.0
 
 
 def _straight(
@@ -198,7 +203,8 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
         frame = tiled_frame(view, alone.trajectory, settings, flow)
         checked = waiting.evidence is not None and image.length > UNCHECKED
         displaced = _displaced(view, alone.trajectory, flow) if checked else None
-        both = fused(frame, image, others, view.camera.intrinsics, waiting.noise, own=waiting.own, displaced=displaced)
+        error = _error(waiting.evidence, image.length)
+        both = fused(frame, image, others, view.camera.intrinsics, view.noise, error, own=waiting.own, displaced=displaced)
         latent = frame.to_host(nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent)
         if evidence := waiting.evidence:
             agreed = np.float32(1.0)

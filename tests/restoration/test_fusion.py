@@ -77,6 +77,21 @@ def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
     assert psnr(both.latent, long.truth) > psnr(own, long.truth) - 0.5
 
 
+def test_what_moves_before_plain_ground_is_found_out_though_edges_elsewhere_leave_room_for_the_paths_error(long):
+    """A neighbour may differ where its edges may be off, and not where the frame has none."""
+    photograph = np.array(skimage.data.astronaut()[20:180, 60:310])
+    photograph[:, :125] = photograph[:, :125] // 32 + 120
+    case = taken(SHORT, photograph)
+    frame, own = alone(case, SHORT)
+    other = own.copy()
+    other[20:76, 24:56] += 0.015
+    first = PosedImage(latent=own, pose=np.zeros(3), length=3.0)
+    near = PosedImage(latent=other, pose=np.zeros(3), length=1.5)
+    explained = fused(frame, first, [near], CAMERA.intrinsics, 0.004, 0.3).explained
+    assert np.median(explained[26:70, 30:50]) < 0.2
+    assert np.median(explained[20:76, 130:170]) > 0.9
+
+
 @pytest.mark.parametrize(
     ("found", "least", "most"),
     [(LONG, 0.9, 1.1), (1.6 * LONG, 0.3, 0.75), (LONG[:, [1, 0, 2]] * [1.0, -1.0, 1.0], 0.0, 0.85)],

@@ -88,7 +88,7 @@ def test_what_neighbours_make_of_a_frame_is_the_processors(pair: tuple[PosedImag
     frames = [tiled(first.latent, clipped, path(), CAMERA, **how) for tiled in (nonblind.tiled, device_frame.tiled)]
     own = np.linspace(0, 1, ROWS * COLS, dtype=np.float32).reshape(ROWS, COLS)
     still = {"own": own, "displaced": lambda image: image}
-    here, there = (fusion.fused(frame, first, [other, stranger], LENS, 2e-3, **still) for frame in frames)
+    here, there = (fusion.fused(frame, first, [other, stranger], LENS, 2e-3, 0.05, **still) for frame in frames)
     np.testing.assert_array_equal(there.shown, here.shown)
     assert 0.1 < here.shown.mean() < 1
     np.testing.assert_allclose(there.explained, here.explained, atol=0.03)
