@@ -1,12 +1,13 @@
 """Restore real scenes blurred and sheared afresh, and print what each frame gained, and how many frames were harmed.
 
-    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|steady|FACTOR ...] [--only NAME ...]
+    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|steady|period|FACTOR ...] [--only NAME ...]
         [--set ROOM.NUMBER=VALUE ...] [--json FILE]
 
 CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp4, truth.mp4 and case.json with exposure_s and readout_s.
-`stated` gives both numbers, `none` gives nothing at all, `steady` takes what `none` measures in the clip's middle for all of it, and a
-FACTOR gives the readout and so many times the exposure, of a frame's period at most: what a wrong number does. RESULTS gets NAME.WAY.mkv
-and its sidecar; FILE the figures, for tests/benchmarks/moved.py. Gains are after the best shift and scale of each frame, without its
+`stated` gives both numbers, `none` gives nothing at all, `steady` takes what `none` measures in the clip's middle for all of it, `period`
+gives the readout and a frame's period as the exposure, and a FACTOR the readout and so many times the exposure: what a wrong number does.
+One that is longer than the period is refused, and counts as told. RESULTS gets NAME.WAY.mkv and its sidecar; FILE the figures, for
+tests/benchmarks/moved.py. Gains are after the best shift and scale of each frame, without its
 border; those of its sides, 40 px along the border, are without. Frames count as blurred where the middle one of all pixels moves by more
 than 2 px while the middle scanline is open. A wrong exposure counts as told where the command says what the blur shows instead, or what is
 assumed; not where it says that the clip does not show its own.
@@ -36,6 +37,7 @@ from rsvideo.report.metrics import psnr
 HARMED, MUCH = 0.1, 0.5  # dB below the input
 BLURRED = 2.0  # px
 SIDES = 40  # px
+LONGER = "at most one frame's period"  # of the refusal
 WARNINGS, UNCHECKED = ("blur is", "does not show", "better focus"), "is taken as given"  # a note that has one of these words, not the last
 
 
@@ -43,8 +45,9 @@ def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
     """What the command would be asked."""
     stated: dict = {"encoding": {"codec": "ffv1"}}
     if way not in ("none", "steady"):
-        factor = 1.0 if way == "stated" else float(way)
-        stated["camera"] = {"exposure": min(factor * facts["exposure_s"], 1 / facts["fps"]), "readout": facts["readout_s"]}
+        true, period = facts["exposure_s"], 1 / facts["fps"]
+        exposure = {"stated": true, "period": period}.get(way) or float(way) * true
+        stated["camera"] = {"exposure": exposure, "readout": facts["readout_s"]}
     return Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
 
 
@@ -64,7 +67,11 @@ def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.nd
     rows = []
     for way in ways:
         output = folder / f"{case.name}.{way}.mkv"
-        task = prepare(request_of(case, way, facts, output))
+        try:
+            task = prepare(request_of(case, way, facts, output))
+        except ValueError as refusal:
+            rows.append((refused(case, way, refusal), np.zeros(0)))
+            continue
         if way == "steady":  # as if somebody had stated what the clip's middle shows
             stated = replace(task.shutter.exposure, source=way, assumed=False)
             task = replace(task, shutter=replace(task.shutter, exposure=stated))
@@ -93,10 +100,20 @@ def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.nd
             "straightened": verdicts.count("straightened"),
             "warned": any(words in note and UNCHECKED not in note for note in (*task.notes, *notes) for words in WARNINGS),
             "sides_gain_db": sides,
+            "refused": 0,
         }
         rows.append((row, gain))
         print("| " + " | ".join(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row.values()) + " |", flush=True)
     return rows
+
+
+def refused(case: Path, way: str, refusal: ValueError) -> dict:
+    """The row of a clip whose exposure the command does not take."""
+    if LONGER not in str(refusal):
+        raise refusal
+    gains = dict.fromkeys(("blurred_gain_db", "gain_db", "least_gain_db", "sides_gain_db"), 0.0)
+    counts = dict.fromkeys(("blurred", "frames", "harmed", "harmed_much", "restored", "straightened"), 0)
+    return {"clip": case.name, "exposure": way, "exposure_taken": 0.0, **gains, **counts, "warned": True, "refused": 1}
 
 
 def summary(rows: list[dict], ways: list[str]) -> list[dict]:
@@ -112,11 +129,12 @@ def summary(rows: list[dict], ways: list[str]) -> list[dict]:
                 "frames": frames,
                 "blurred": blurred,
                 "blurred_gain_db": sum(row["blurred_gain_db"] for row in some) / max(blurred, 1),
-                "harmed_share": sum(row["harmed"] for row in some) / frames,
+                "harmed_share": sum(row["harmed"] for row in some) / max(frames, 1),
                 "harmed_much": sum(row["harmed_much"] for row in some),
                 "least_gain_db": min(row["least_gain_db"] for row in some),
                 "warned": sum(row["warned"] for row in some),
-                "sides_gain_db": sum(row["sides_gain_db"] * row["frames"] for row in some) / frames,
+                "sides_gain_db": sum(row["sides_gain_db"] * row["frames"] for row in some) / max(frames, 1),
+                "refused": sum(row["refused"] for row in some),
             }
         )
     return out
