@@ -7,10 +7,10 @@ CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp
 `stated` gives both numbers, `none` gives nothing at all, `steady` takes what `none` measures in the clip's middle for all of it, `period`
 gives the readout and a frame's period as the exposure, and a FACTOR the readout and so many times the exposure: what a wrong number does.
 One that is longer than the period is refused, and counts as told. RESULTS gets NAME.WAY.mkv and its sidecar; FILE the figures, for
-tests/benchmarks/moved.py. Gains are after the best shift and scale of each frame, without its
-border; those of its sides, 40 px along the border, are without. Frames count as blurred where the middle one of all pixels moves by more
-than 2 px while the middle scanline is open. A wrong exposure counts as told where the command says what the blur shows instead, or what is
-assumed; not where it says that the clip does not show its own.
+tests/benchmarks/moved.py. Gains are after the best shift and scale of each frame, without its border; those of its sides, 40 px along the
+border, are without. Frames count as blurred where the middle one of all pixels moves by more than 2 px while the middle scanline is open.
+A wrong exposure counts as told where the command says what the blur shows instead, or what is assumed; not where it says that the clip
+does not show its own.
 
 A restoration depends on the shutter that is settled for it: ways that settle the same one share it. --set tries other numbers of
 rsvideo.restoration than the present ones: trust.OUT_OF_FOCUS=-0.004.
@@ -131,7 +131,7 @@ def summary(rows: list[dict], ways: list[str]) -> list[dict]:
                 "blurred_gain_db": sum(row["blurred_gain_db"] for row in some) / max(blurred, 1),
                 "harmed_share": sum(row["harmed"] for row in some) / max(frames, 1),
                 "harmed_much": sum(row["harmed_much"] for row in some),
-                "least_gain_db": min(row["least_gain_db"] for row in some),
+                "least_gain_db": min((row["least_gain_db"] for row in some if row["frames"]), default=0.0),
                 "warned": sum(row["warned"] for row in some),
                 "sides_gain_db": sum(row["sides_gain_db"] * row["frames"] for row in some) / max(frames, 1),
                 "refused": sum(row["refused"] for row in some),
