@@ -97,7 +97,7 @@ def fused(
     share = np.ones(first.latent.shape[:2], np.float32) if own is None else np.maximum(own, LEAST_OWN).astype(np.float32)
     weights = np.float32(first.weight) * share
     if frame.device == "cuda":
-        return _fused_there(frame, first, others, intrinsics, (noise, error), weights, displaced)
+        return _fused_there(frame, first, others, intrinsics, noise, error, weights, displaced)
     pixels, valid = frame.observed()
     observed, unclipped = grey(pixels), least_channel(valid)
 
@@ -154,17 +154,17 @@ def _fused_there(
     first: PosedImage,
     others: Sequence[PosedImage],
     intrinsics: Intrinsics,
-    noise: tuple[float, float],
+    noise: float,
+    error: float,
     weights: Float[np.ndarray, "rows cols"],
     displaced: Displaced | None,
 ) -> Fused:
-    """The same on the GPU, where neighbours follow one another; `noise` is the sensor's, and the path's error in px; `weights` are those of
-    the frame's own latent image."""
+    """The same on the GPU, where neighbours follow one another; `weights` are those of the frame's own latent image."""
     rows, cols, _ = first.latent.shape
     x, y = np.meshgrid(nodes(cols).astype(float), nodes(rows).astype(float))
     step, basis = alignment.thinned(rows, cols), alignment.bends(rows)
     how = {"step": step, "edge": alignment.EDGE, "outlier": alignment.OUTLIER, "least_difference": alignment.LEAST_DIFFERENCE}
-    total = device_frame.fusion(frame, first.there, weights, *noise, patch=PATCH, doubt=DOUBT, margin=LANCZOS)
+    total = device_frame.fusion(frame, first.there, weights, noise, error, patch=PATCH, doubt=DOUBT, margin=LANCZOS)
     for other in others:
         drift = resampled_at(intrinsics, first.pose - other.pose, x, y) - np.stack([x, y], axis=-1)
         neighbour = device_frame.neighbour(first.there, other.there, drift, NODES, **how)
