@@ -63,11 +63,12 @@ def trust(scene: Scene, path: Trajectory, length: float, certainty: float, expos
     """The share of the restoration along a path whose blur is `length` px long, 0 to 1, smooth over the frame.
 
     `certainty`, 0 to 1, says how surely the scanlines are displaced as the path says. Where the clip's blur has shown its exposure, s
-    about a pixel hardly tells more: it counts only where it is plainly against the path.
+    about a pixel hardly tells more: it counts only where it is plainly against the path. Shorter blur is restored there, too, as far as
+    the path is certain.
     """
     rows, cols = scene.frame.shape
     credit = float(exposure_shown)
-    if (credited := length + credit * CREDIT_BLUR) <= SHORT:
+    if (credited := length + credit * certainty * CREDIT_BLUR) <= SHORT:
         return np.zeros((rows, cols), np.float32)
     scene = reduced(scene, length)
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))

@@ -80,15 +80,21 @@ def test_a_path_that_nothing_makes_certain_must_be_in_focus_for_sure(
 
 
 @pytest.mark.parametrize(
-    ("about", "length", "shares"), [(-0.001, 9.0, [0.2, 0.9]), (0.01, 1.8, [0.2, 0.8 / 1.5]), (-0.01, 9.0, [0.0, 0.0])]
+    ("about", "length", "certainty", "shares"),
+    [
+        (-0.001, 9.0, 1.0, [0.2, 0.9]),
+        (0.01, 1.8, 1.0, [0.2, 0.8 / 1.5]),
+        (0.01, 1.8, 0.1, [0.2, 0.35 / 1.5]),  # as at a run's end: blur so short may be the path's error
+        (-0.01, 9.0, 1.0, [0.0, 0.0]),
+    ],
 )
 def test_regions_have_to_show_less_where_the_clips_blur_has_shown_its_exposure(
-    about: float, length: float, shares: list[float], blurred: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
+    about: float, length: float, certainty: float, shares: list[float], blurred: tuple[Scene, Trajectory], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, path = blurred
     seen = Focus(about=np.full(scene.frame.shape, about, np.float32), whole=0.01, surely=8.0)
     monkeypatch.setattr("rsvideo.restoration.trust.focus_map", lambda *_: seen)
-    found = [trust(scene, path, length, 1.0, exposure_shown).mean() for exposure_shown in (False, True)]
+    found = [trust(scene, path, length, certainty, exposure_shown).mean() for exposure_shown in (False, True)]
     np.testing.assert_allclose(found, shares, atol=1e-6)
 
 
