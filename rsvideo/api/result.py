@@ -8,7 +8,7 @@ from jaxtyping import Float, Float32
 from rsvideo.api.trajectory import Trajectory
 from rsvideo.frame import FrameResult, Verdict
 from rsvideo.physics.camera import Intrinsics, turned
-from rsvideo.physics.psf import INSTANTS, psf_from_trace
+from rsvideo.physics.psf import INSTANTS, psfs_from_traces
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 _GRID = (5, 7)  # PSFs down and across, unless chosen; as in the figures
@@ -81,7 +81,7 @@ class Result:
         x = np.tile((np.arange(across) + 0.5) * self.camera.cols / across - 0.5, down)
         traces = self._traces(x, y)
         half = int(np.ceil(np.abs(traces).max())) + 1
-        kernels = np.stack([psf_from_trace(trace, half) for trace in traces])
+        kernels = psfs_from_traces(traces, half)
         return kernels.reshape(down, across, *kernels.shape[1:])
 
     def _traces(self, x: np.ndarray, y: np.ndarray) -> Float[np.ndarray, "points instants 2"]:

@@ -1,4 +1,4 @@
-"""The PSF of a pixel, from the trace that its light draws."""
+"""The PSFs of pixels, from the traces that their light draws."""
 
 import numpy as np
 from jaxtyping import Float
@@ -6,14 +6,15 @@ from jaxtyping import Float
 INSTANTS = 400  # of one exposure, that a PSF is drawn from
 
 
-def psf_from_trace(trace: Float[np.ndarray, "instants 2"], half: int) -> Float[np.ndarray, "side side"]:
-    """The trace as light on pixels, each instant shared among the four nearest."""
+def psfs_from_traces(traces: Float[np.ndarray, "pixels instants 2"], half: int) -> Float[np.ndarray, "pixels side side"]:
+    """Each trace as light on the `half` px to either side of its pixel, each instant shared among the four nearest."""
+    pixels, instants, _ = traces.shape
     side = 2 * half + 1
-    kernel = np.zeros((side, side))
-    whole = np.floor(trace).astype(int)
-    part = trace - whole
-    for dx in (0, 1):
-        for dy in (0, 1):
-            weight = np.abs(1 - dx - part[:, 0]) * np.abs(1 - dy - part[:, 1])
-            np.add.at(kernel, (whole[:, 1] + dy + half, whole[:, 0] + dx + half), weight)
-    return kernel / len(trace)
+    whole = np.floor(traces).astype(int)
+    column, row = np.moveaxis(whole + half, -1, 0)
+    right, down = np.moveaxis(traces - whole, -1, 0)
+    first = side * (side * np.arange(pixels)[:, None] + row) + column
+    places = np.stack([first, first + 1, first + side, first + side + 1])
+    light = np.stack([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down])
+    drawn = np.bincount(places.ravel(), light.ravel(), pixels * side**2)
+    return drawn.reshape(pixels, side, side) / instants

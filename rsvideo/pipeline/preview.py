@@ -34,7 +34,7 @@ from rsvideo.video import colour
 
 HALVED = 400  # px of the shorter side, from which on a preview is of half the size
 AROUND, FEWER_AROUND = 2, 1  # frames before and behind, that the motion is found with; at half size
-MORE_AROUND = 3  # where they are to show their exposure, too: by spectra alone five frames leave it open by a quarter, nine by a tenth
+MORE_AROUND = 3  # where they are to show their exposure, too: five frames are off by 0.3 in its logarithm, seven by 0.2
 _NOISE = 0.5  # of a pixel that is the mean of four
 _MOST_KEPT = 2  # sets of decoded frames: of half and of full size
 _KEPT: dict[object, list[Frame]] = {}
@@ -162,7 +162,7 @@ def _decoded(shown: Task, task: Task, first: int, last: int) -> list[Frame]:
         loaded = threads.begun(lambda: colour.load(task.stream.colour))  # while pictures are decoded
         pictures = list(clip_frames.pictures(task, first, last))
         loaded.result()
-        held = [_resized(clip_frames.frame(task.stream.colour, picture), shown) for picture in pictures]
+        held = threads.each(lambda picture: _resized(clip_frames.frame(task.stream.colour, picture), shown), pictures)
         while len(_KEPT) >= _MOST_KEPT:
             del _KEPT[next(iter(_KEPT))]
         _KEPT[key] = held

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from rsvideo.config.sidecar import FrameRecord, Sidecar
 from rsvideo.config.yaml import shown
 from rsvideo.physics.camera import turned
-from rsvideo.physics.psf import INSTANTS, psf_from_trace
+from rsvideo.physics.psf import INSTANTS, psfs_from_traces
 from rsvideo.physics.shutter import Direction, ShutterTiming
 
 FORMATS = ("png", "pdf", "svg")
@@ -101,11 +101,12 @@ def psfs(sidecar: Sidecar, record: FrameRecord) -> tuple[list[tuple[float, float
     camera, timing = sidecar.settings.camera, sidecar.timing(record)
     down, across = grid(sidecar)
     centres = [((i + 0.5) * camera.cols / across, (j + 0.5) * camera.rows / down) for j in range(down) for i in range(across)]
-    traces = [_trace(np.array(centre), sidecar, record, timing) for centre in centres]
-    reach = max(float(np.abs(trace - trace.mean(axis=0)).max()) for trace in traces)
+    traces = np.stack([_trace(np.array(centre), sidecar, record, timing) for centre in centres])
+    traces -= traces.mean(axis=1, keepdims=True)
+    reach = float(np.abs(traces).max())
     shrunk = max(1.0, reach / _LONGEST)
     half = max(2, int(np.ceil(_ROOM * reach / shrunk)) + 1)  # px from a trace's middle to the edge of its tile
-    return centres, np.stack([psf_from_trace((trace - trace.mean(axis=0)) / shrunk, half) for trace in traces]), shrunk
+    return centres, psfs_from_traces(traces / shrunk, half), shrunk
 
 
 def grid(sidecar: Sidecar) -> tuple[int, int]:

@@ -44,7 +44,7 @@ from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.refinement import SCALE
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
-from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.settings import Effort, Settings
 from rsvideo.restoration.tracks import Tracks, codes, track
 from rsvideo.restoration.trust import SHORT, blur_share, run_share
 
@@ -71,7 +71,7 @@ class Run:
     camera: Camera  # along the scanlines
     source_camera: Camera  # as the frames are stored
     axes: int
-    steps: int  # of L-BFGS, in which blur refines the path
+    effort: Effort
     exposures: Float[np.ndarray, " frames"]  # s, of each frame; none is longer than the camera's
     pictures: Int[np.ndarray, " pictures"]  # which of the frames each picture of the clip shows: some repeat the one before
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
@@ -219,7 +219,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         camera=camera.along_scanlines(),
         source_camera=camera,
         axes=settings.axes,
-        steps=settings.effort.blur_steps,
+        effort=settings.effort,
         exposures=np.full(int(first.sum()), camera.timing.exposure),
         pictures=np.cumsum(first) - 1,
     )
@@ -249,7 +249,7 @@ def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frame
     lengths = {k: exposure_length(path.spline, run.opens(k), run.timing(k)) for k in np.flatnonzero(frames).tolist()}
     blurred = [k for k, length in lengths.items() if length > BLURRED]
     scenes = [scene_at(run, k, None, lengths[k]) for k in blurred]
-    return refine(scenes, [run.opens(k) for k in blurred], path, steps=run.steps) if blurred else path
+    return refine(scenes, [run.opens(k) for k in blurred], path, steps=run.effort.blur_steps) if blurred else path
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:

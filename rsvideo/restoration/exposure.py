@@ -30,7 +30,7 @@ from rsvideo.restoration.camera_path import CameraPath, within
 from rsvideo.restoration.clip_motion import Followed, Run, beside, path_from_tracks, scene_at, votes
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.scene import Scene
+from rsvideo.restoration.scene import TILED_COLS, Scene, windowed
 from rsvideo.restoration.spectrum import Spectrum, patches
 from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
@@ -256,17 +256,20 @@ def _misfits(run: Run, path: CameraPath, k: int, flow: Flow | None, exposures: F
     if not (observed := patches(scene)):
         return np.zeros(0)
 
-    def taken(exposure: float) -> tuple[Scene, Trajectory]:
-        return replace(scene, camera=scene.camera.exposed(exposure)), _covered(run, path, k, exposure)
+    cols = max(run.effort.exposure_pixels // len(scene.frame), TILED_COLS)
+    part = replace(windowed(scene, cols), tiles=1) if cols < scene.frame.shape[1] else scene
+
+    def taken(columns: Scene, exposure: float) -> tuple[Scene, Trajectory]:
+        return replace(columns, camera=columns.camera.exposed(exposure)), _covered(run, path, k, exposure)
 
     def by_spectra(exposure: float) -> float:
-        shown, cut = taken(exposure)
+        shown, cut = taken(scene, exposure)
         turned = replace(shown, flow=shown.flow and shown.flow.across)
         along, beside_it = (Spectrum(scene=each, patches=observed, curve=cut) for each in (shown, turned))
         return along.value(cut) - SOFTNESS * beside_it.value(across(cut))
 
     def sparsity_of(exposure: float) -> float:
-        shown, cut = taken(exposure)
+        shown, cut = taken(part, exposure)
         return sparsity.value(sampled(shown, cut), cut, shown.search_ridge)
 
     tried, ratio, sharp = exposures.tolist(), float(exposures[1] / exposures[0]), np.zeros(len(exposures))

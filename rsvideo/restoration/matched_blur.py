@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from rsvideo.physics.camera import Intrinsics, lever, turned
-from rsvideo.physics.psf import psf_from_trace
+from rsvideo.physics.psf import psfs_from_traces
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Spline
 from rsvideo.restoration.point_equations import NODES
@@ -89,7 +89,7 @@ def followed_again(tracks: Tracks, first: Exposed, second: Exposed) -> Tracks:
     lean = _lean(tracks, first, second, side)
     shown = _cut(first, tracks.before, np.zeros_like(lean), scale), _cut(second, tracks.after, lean, scale)
     one, other = (
-        np.stack([cv2.filter2D(window, -1, psf_from_trace(trace, half)) for window, trace in zip(windows, each, strict=True)])
+        np.stack([cv2.filter2D(window, -1, psf) for window, psf in zip(windows, psfs_from_traces(each, half), strict=True)])
         for windows, each in zip(shown, reversed(traces), strict=True)
     )
     moved = _displacements(one[:, half:-half, half:-half], other[:, half:-half, half:-half])

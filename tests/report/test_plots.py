@@ -8,7 +8,7 @@ from PIL import Image
 from rsvideo.config.sidecar import Camera, FrameRecord, Sampled, Settings, Sidecar, Timing
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.distortion import Distortion
-from rsvideo.physics.psf import psf_from_trace
+from rsvideo.physics.psf import psfs_from_traces
 from rsvideo.physics.shutter import Direction
 from rsvideo.physics.tone import Transfer
 from rsvideo.report import plots
@@ -61,11 +61,12 @@ def test_a_steady_pan_leaves_a_straight_trace_as_long_as_half_its_way() -> None:
 
 
 def test_the_blur_of_a_trace_holds_all_its_light() -> None:
-    trace = np.random.default_rng(0).uniform(-5, 5, (300, 2))
-    kernel = psf_from_trace(trace, 7)
-    assert kernel.sum() == pytest.approx(1)
-    y, x = np.indices(kernel.shape) - 7
-    np.testing.assert_allclose([(kernel * x).sum(), (kernel * y).sum()], trace.mean(axis=0), atol=1e-12)
+    traces = np.random.default_rng(0).uniform(-5, 5, (4, 300, 2))
+    kernels = psfs_from_traces(traces, 7)
+    np.testing.assert_allclose(kernels.sum(axis=(1, 2)), 1)
+    y, x = np.indices(kernels.shape[1:]) - 7
+    centroids = np.stack([(kernels * x).sum(axis=(1, 2)), (kernels * y).sum(axis=(1, 2))], axis=-1)
+    np.testing.assert_allclose(centroids, traces.mean(axis=1), atol=1e-12)
 
 
 def test_a_frame_that_did_not_move_is_drawn_too() -> None:

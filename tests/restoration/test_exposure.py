@@ -151,6 +151,17 @@ def test_below_half_a_pixel_of_blur_the_focus_has_no_dip(monkeypatch: pytest.Mon
     assert (found != whole).any()
 
 
+def test_a_part_of_a_frames_columns_shows_its_exposure_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, seen = taken(MOVING.recorded[:3], 0.02), []
+    path, tried = exposure.path_from_tracks(run), np.geomspace(0.006, 0.03, 8)
+    whole = exposure._misfits(run, path, 1, None, tried)
+    run = replace(run, effort=replace(run.effort, exposure_pixels=96 * 128))
+    value = exposure.sparsity.value
+    monkeypatch.setattr(exposure.sparsity, "value", lambda scene, *given: seen.append(scene.frame.shape) or value(scene, *given))
+    assert tried[np.argmin(exposure._misfits(run, path, 1, None, tried))] == tried[np.argmin(whole)]
+    assert set(seen) == {(128, 96)}
+
+
 def test_frames_are_exposed_about_the_middles_that_they_had() -> None:
     camera = camera_of(96, 601, readout=0.02, focal=700.0)
     run = gather(grain(96, 601), camera, Settings())
