@@ -50,6 +50,10 @@ def _grey(planes: Array) -> Array:
     return planes.mean(axis=0, dtype=xp.float32)
 
 
+def _expected(power: Array, noise: float, error: float) -> Array:
+    return xp.float32(noise**2) + xp.float32(error**2) * power
+
+
 @no_type_check
 @cuda.jit(cache=True)
 def _moments(apart, gx, gy, limit, first, step, cols, out):
@@ -146,7 +150,9 @@ class Fusion:
         borders than `margin` a picture shows nothing."""
         self._frame, self._first, self._patch, self._margin = frame, first, patch, margin
         self._observed, self._unclipped = _grey(frame.planes), frame.data.min(axis=0)
-        self._limit = doubt**2 * (self._misfit(first.planes) + self._variance(noise, error) / 2)
+        power, own = self._gradient_power(), self._misfit(first.planes)
+        self._limit = doubt**2 * (own + _expected(xp.minimum(power, power.mean()), noise, error) / 2)
+        self._unexplained = own / _expected(power, noise, error)
         self._weights = self._alone = xp.asarray(weights, xp.float32)
         self._total = self._weights * first.planes
         self._explained, self._shown = xp.zeros(weights.shape, xp.float32), xp.zeros(weights.shape, bool)
@@ -168,6 +174,10 @@ class Fusion:
         """How well the best neighbour explains the frame, whether any shows the place, and the weight of all."""
         return to_host(self._explained), to_host(self._shown), to_host(self._weights)
 
+    def unexplained(self) -> Float[np.ndarray, "rows cols"]:
+        """What the frame's own image leaves, times what a right one may."""
+        return to_host(self._unexplained)
+
     def beside(self, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Of the grey frame b: b, K t with the mean t of the neighbours alone, t, and where these weigh more than `least` and b is data."""
         beside, own = self._weights - self._alone, _grey(self._first.planes)
@@ -179,11 +189,11 @@ class Fusion:
     def _misfit(self, image: Array) -> Array:
         return resampling.mean(self._unclipped * (self._frame.blurred(_grey(image)) - self._observed) ** 2, self._patch)
 
-    def _variance(self, noise: float, error: float) -> Array:
+    def _gradient_power(self) -> Array:
         power = xp.zeros_like(self._observed)
         power[:, :-1] += xp.diff(self._observed, axis=1) ** 2
         power[:-1] += xp.diff(self._observed, axis=0) ** 2
-        return xp.float32(noise**2) + xp.float32(error**2) * xp.minimum(resampling.mean(power, self._patch), power.mean())
+        return resampling.mean(power, self._patch)
 
     def _at_pose(self, other: Neighbour, shift: Float[np.ndarray, "2 2 rows"]) -> tuple[Array, Array]:
         """The neighbour's picture at the frame's pose, and where it shows a patch about the place; elsewhere the frame's own."""

@@ -8,6 +8,7 @@ Where neighbours show a place and none explains the frame, the frame's own laten
 wrong there, whatever its residual says. How much of the path's blur the frame shows is measured by them, too (`predicted_blur`).
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -34,6 +35,7 @@ SHORTEST = 1.0  # px; no blur is counted as shorter
 PATCH = 11  # px over which a neighbour must explain the frame; origin: by trial
 LEAST_SHOWN = 1e-3  # of the frame's own weight, that neighbours have together where they show a place
 LEAST_OWN = 1e-3  # of the frame's own weight, where its data show nothing: something is shown where no neighbour does, either
+ASTRAY = 16.0  # times what noise and path leave unexplained, from which on a place has not the path's blur; origin: by trial
 DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
 LANCZOS = 4  # px from its place, the farthest pixel that a sample reads
 
@@ -64,6 +66,7 @@ class Fused:
     latent: Any  # a picture of the frame's; `frame.to_host` makes an array of it
     explained: Float[np.ndarray, "rows cols"]  # 0 to 1
     shown: Bool[np.ndarray, "rows cols"]  # whether any neighbour shows the place
+    astray: Bool[np.ndarray, "rows cols"]  # whether the blur there, or as far about it as that rings, is not the path's
     support: Float[np.ndarray, "rows cols"]  # 0 to 1: the share that the frame's own data grant, or neighbours that count as much
     confirmed: Confirmed | None  # how much of the path's blur the frame shows; None: not wanted
 
@@ -104,7 +107,8 @@ def fused(
     def misfit(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
         return _about(unclipped * (frame.blurred(grey(image)) - observed) ** 2)
 
-    limit = DOUBT**2 * (misfit(first.latent) + _variance(observed, noise, error) / 2)
+    power, own_misfit = _gradient_power(observed), misfit(first.latent)
+    limit = DOUBT**2 * (own_misfit + _expected(np.minimum(power, power.mean()), noise, error) / 2)
     total, alone = weights[..., None] * first.latent, weights.copy()
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
     soft = softened(first.latent)
@@ -125,7 +129,8 @@ def fused(
         target = np.where(served, (grey(total) - alone * own_grey) / np.where(served, beside, 1), own_grey)
         found = confirmed(observed, frame.blurred(target), displaced(target), served & (unclipped > 0))
     total /= weights[..., None]
-    return _result(frame.towards(total, RIDGE), explained, shown, weights, first, found)
+    astray = _astray(own_misfit / _expected(power, noise, error), first.length)
+    return _result(frame.towards(total, RIDGE), explained, shown, astray, weights, first, found)
 
 
 def _about(image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
@@ -133,20 +138,41 @@ def _about(image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows col
     return cv2.boxFilter(image, -1, (PATCH, PATCH))
 
 
-def _variance(observed: Float[np.ndarray, "rows cols"], noise: float, error: float) -> Float[np.ndarray, "rows cols"]:
-    """Of what a right neighbour leaves unexplained: the sensor's, and what a path that is off by `error` px makes of the gradients about
-    the place, of those of the whole frame at most."""
+def _gradient_power(observed: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+    """About each pixel."""
     power = np.zeros_like(observed)
     power[:, :-1] += np.diff(observed, axis=1) ** 2
     power[:-1] += np.diff(observed, axis=0) ** 2
-    return np.float32(noise**2) + np.float32(error**2) * np.minimum(_about(power), power.mean())
+    return _about(power)
+
+
+def _expected(power: Float[np.ndarray, "rows cols"], noise: float, error: float) -> Float[np.ndarray, "rows cols"]:
+    """The variance of what a right image leaves unexplained: the sensor's, and what a path that is off by `error` px makes of gradients of
+    that `power`."""
+    return np.float32(noise**2) + np.float32(error**2) * power
+
+
+def _astray(unexplained: Float[np.ndarray, "rows cols"], length: float) -> Bool[np.ndarray, "rows cols"]:
+    """Where the frame's own latent image leaves so many times as much unexplained as it may, and as far about it as blur of `length` px
+    rings. Beside the borders it does not know what it is blurred with."""
+    reach = math.ceil(length)
+    found = np.zeros_like(unexplained)
+    inner = np.s_[reach:-reach, reach:-reach]
+    found[inner] = unexplained[inner] > ASTRAY
+    return cv2.boxFilter(found, -1, (2 * reach + 1, 2 * reach + 1), normalize=False) > 0.5
 
 
 def _result(
-    latent: Any, explained: np.ndarray, shown: np.ndarray, weights: np.ndarray, first: PosedImage, found: Confirmed | None
+    latent: Any,
+    explained: np.ndarray,
+    shown: np.ndarray,
+    astray: np.ndarray,
+    weights: np.ndarray,
+    first: PosedImage,
+    found: Confirmed | None,
 ) -> Fused:
     support = np.minimum(weights / np.float32(first.weight), 1)
-    return Fused(latent=latent, explained=explained, shown=shown, support=support, confirmed=found)
+    return Fused(latent=latent, explained=explained, shown=shown, astray=astray, support=support, confirmed=found)
 
 
 def _fused_there(
@@ -171,11 +197,12 @@ def _fused_there(
         found = alignment.least_squares(rows, step, lambda found, sums=neighbour.sums: sums(found @ basis.T))
         total.add(neighbour, found @ basis.T, other.weight)
     explained, shown, weights = total.found()
+    astray = _astray(total.unexplained(), first.length)
     found = None
     if displaced:
         observed, blurred, target, served = total.beside(LEAST_SHOWN * first.weight)
         found = confirmed(observed, blurred, displaced(target), served)
-    return _result(total.latent(RIDGE), explained, shown, weights, first, found)
+    return _result(total.latent(RIDGE), explained, shown, astray, weights, first, found)
 
 
 def _at_pose(

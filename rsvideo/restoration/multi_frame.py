@@ -212,7 +212,7 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
                 agreed = confirmation(both.confirmed, image.length)
                 if evidence.exposure_shown:  # or a wrong exposure would be taken for a wrong path
                     evidence = replace(evidence, certainty=evidence.certainty * borne_out(both.confirmed, image.length))
-            agreed = agreed * agreement(both.explained, both.shown, evidence.certainty)
+            agreed = agreed * agreement(both.explained, both.shown, both.astray, evidence.certainty)
             waiting = replace(waiting, evidence=evidence, share=waiting.share * agreed[..., None], own=both.support)
             verdict = verdict if np.mean(waiting.share, dtype=np.float32) >= LEAST_SHARE else Verdict.STRAIGHTENED
     elif waiting.draft:

@@ -83,13 +83,17 @@ def observed(covered: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows
 
 
 def agreement(
-    explained: Float[np.ndarray, "rows cols"], shown: Bool[np.ndarray, "rows cols"], certainty: float
+    explained: Float[np.ndarray, "rows cols"],
+    shown: Bool[np.ndarray, "rows cols"],
+    astray: Bool[np.ndarray, "rows cols"],
+    certainty: float,
 ) -> Float[np.ndarray, "rows cols"]:
-    """The share of a restoration that its neighbours grant, 0 to 1; the former two are `fusion.Fused`'s.
+    """The share of a restoration that its neighbours grant, 0 to 1, and none where the path has gone astray; the former three are
+    `fusion.Fused`'s.
 
     Where no neighbour shows the place, the `certainty` of the path has to grant it, and grants a part only.
     """
-    share = _between(np.where(shown, explained, certainty), APART, AGREED) * np.where(shown, 1, UNSEEN)
+    share = _between(np.where(shown, explained, certainty), APART, AGREED) * np.where(shown, 1, UNSEEN) * ~astray
     return cv2.blur(share.astype(np.float32), (AGREEMENT, AGREEMENT))
 
 

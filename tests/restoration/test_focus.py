@@ -101,8 +101,10 @@ def test_regions_have_to_show_less_where_the_clips_blur_has_shown_its_exposure(
 def test_where_no_neighbour_shows_the_place_the_path_must_be_certain() -> None:
     shown = np.arange(60)[None] < np.full((40, 1), 30)
     explained = np.where(shown, np.float32(0.8), np.float32(0))
-    shares = [agreement(explained, shown, certainty)[20, [5, 55]].tolist() for certainty in (0.05, 0.3, 0.9)]
+    astray = np.zeros(shown.shape, bool)
+    shares = [agreement(explained, shown, astray, certainty)[20, [5, 55]].tolist() for certainty in (0.05, 0.3, 0.9)]
     np.testing.assert_allclose(shares, [[1, 0], [1, 0.5 * UNSEEN], [1, UNSEEN]], atol=1e-6)
+    assert not agreement(explained, shown, ~astray, 0.9).any()
 
 
 def test_a_run_is_restored_where_its_frames_agree_that_it_is_in_focus() -> None:

@@ -92,6 +92,24 @@ def test_what_moves_before_plain_ground_is_found_out_though_edges_elsewhere_leav
     assert np.median(explained[20:76, 130:170]) > 0.9
 
 
+def test_what_moves_otherwise_than_the_camera_is_found_out_by_what_its_own_image_leaves(long):
+    """Bars that the camera follows stand sharp in the blurred frame."""
+    barred = long.blurred.copy()
+    barred[30:66, 70:118] = np.where(np.arange(48) // 6 % 2, 0.9, 0.02)[None, :, None]
+
+    def astray(blurred):
+        frame = tiled(blurred, np.zeros(blurred.shape, bool), path(LONG), CAMERA, samples=24, tolerance=0.25)
+        *_, latent = deblur(frame, Settings(), 0.004)
+        first = PosedImage(latent=np.clip(latent, 0, 1).astype(np.float32), pose=np.zeros(3), length=12.0)
+        return fused(frame, first, [first], CAMERA.intrinsics, 0.004, 0.2).astray
+
+    assert not astray(long.blurred).any()
+    found = astray(barred)
+    assert found[30:66, 70:118].all()
+    assert found[48, 62]  # as far as the blur rings
+    assert not found[16:-16, 150:].any()
+
+
 @pytest.mark.parametrize(
     ("found", "least", "most"),
     [(LONG, 0.9, 1.1), (1.6 * LONG, 0.3, 0.75), (LONG[:, [1, 0, 2]] * [1.0, -1.0, 1.0], 0.0, 0.85)],

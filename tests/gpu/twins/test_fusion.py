@@ -90,6 +90,8 @@ def test_what_neighbours_make_of_a_frame_is_the_processors(pair: tuple[PosedImag
     still = {"own": own, "displaced": lambda image: image}
     here, there = (fusion.fused(frame, first, [other, stranger], LENS, 2e-3, 0.05, **still) for frame in frames)
     np.testing.assert_array_equal(there.shown, here.shown)
+    np.testing.assert_array_equal(there.astray, here.astray)
+    assert 0 < here.astray.mean() < 1
     assert 0.1 < here.shown.mean() < 1
     np.testing.assert_allclose(there.explained, here.explained, atol=0.03)
     np.testing.assert_allclose(there.support, here.support, atol=0.03)
