@@ -35,7 +35,7 @@ SHORTEST = 1.0  # px; no blur is counted as shorter
 PATCH = 11  # px over which a neighbour must explain the frame; origin: by trial
 LEAST_SHOWN = 1e-3  # of the frame's own weight, that neighbours have together where they show a place
 LEAST_OWN = 1e-3  # of the frame's own weight, where its data show nothing: something is shown where no neighbour does, either
-ASTRAY = 16.0  # times what noise and path leave unexplained, from which on a place has not the path's blur; origin: by trial
+ASTRAY = 40.0  # times what noise and path leave unexplained, from which on a place has not the path's blur; origin: by trial
 DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
 LANCZOS = 4  # px from its place, the farthest pixel that a sample reads
 
