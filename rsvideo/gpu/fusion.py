@@ -152,7 +152,7 @@ class Fusion:
         self._observed, self._unclipped = _grey(frame.planes), frame.data.min(axis=0)
         power, own = self._gradient_power(), self._misfit(first.planes)
         self._limit = doubt**2 * (own + _expected(xp.minimum(power, power.mean()), noise, error) / 2)
-        self._unexplained = own / _expected(power, noise, error)
+        self._own, self._usual = own, _expected(power, noise, error)
         self._weights = self._alone = xp.asarray(weights, xp.float32)
         self._total = self._weights * first.planes
         self._explained, self._shown = xp.zeros(weights.shape, xp.float32), xp.zeros(weights.shape, bool)
@@ -174,9 +174,9 @@ class Fusion:
         """How well the best neighbour explains the frame, whether any shows the place, and the weight of all."""
         return to_host(self._explained), to_host(self._shown), to_host(self._weights)
 
-    def unexplained(self) -> Float[np.ndarray, "rows cols"]:
-        """What the frame's own image leaves, times what a right one may."""
-        return to_host(self._unexplained)
+    def unexplained(self, most: float) -> Bool[np.ndarray, "rows cols"]:
+        """Where the frame's own image leaves more than so many times what a right one may."""
+        return to_host(self._own > xp.float32(most) * self._usual)
 
     def beside(self, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Of the grey frame b: b, K t with the mean t of the neighbours alone, t, and where these weigh more than `least` and b is data."""

@@ -129,7 +129,7 @@ def fused(
         target = np.where(served, (grey(total) - alone * own_grey) / np.where(served, beside, 1), own_grey)
         found = confirmed(observed, frame.blurred(target), displaced(target), served & (unclipped > 0))
     total /= weights[..., None]
-    astray = _astray(own_misfit / _expected(power, noise, error), first.length)
+    astray = _ringing(own_misfit > ASTRAY * _expected(power, noise, error), first.length)
     return _result(frame.towards(total, RIDGE), explained, shown, astray, weights, first, found)
 
 
@@ -152,13 +152,12 @@ def _expected(power: Float[np.ndarray, "rows cols"], noise: float, error: float)
     return np.float32(noise**2) + np.float32(error**2) * power
 
 
-def _astray(unexplained: Float[np.ndarray, "rows cols"], length: float) -> Bool[np.ndarray, "rows cols"]:
-    """Where the frame's own latent image leaves so many times as much unexplained as it may, and as far about it as blur of `length` px
-    rings. Beside the borders it does not know what it is blurred with."""
+def _ringing(unexplained: Bool[np.ndarray, "rows cols"], length: float) -> Bool[np.ndarray, "rows cols"]:
+    """Where a latent image leaves too much unexplained, and as far about that as blur of `length` px rings. Within that of the borders,
+    nobody knows what the frame is blurred with."""
     reach = math.ceil(length)
-    found = np.zeros_like(unexplained)
-    inner = np.s_[reach:-reach, reach:-reach]
-    found[inner] = unexplained[inner] > ASTRAY
+    found, inner = np.zeros(unexplained.shape, np.float32), np.s_[reach:-reach, reach:-reach]
+    found[inner] = unexplained[inner]
     return cv2.boxFilter(found, -1, (2 * reach + 1, 2 * reach + 1), normalize=False) > 0.5
 
 
@@ -197,7 +196,7 @@ def _fused_there(
         found = alignment.least_squares(rows, step, lambda found, sums=neighbour.sums: sums(found @ basis.T))
         total.add(neighbour, found @ basis.T, other.weight)
     explained, shown, weights = total.found()
-    astray = _astray(total.unexplained(), first.length)
+    astray = _ringing(total.unexplained(ASTRAY), first.length)
     found = None
     if displaced:
         observed, blurred, target, served = total.beside(LEAST_SHOWN * first.weight)
