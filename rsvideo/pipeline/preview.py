@@ -34,7 +34,7 @@ from rsvideo.video import colour
 
 HALVED = 400  # px of the shorter side, from which on a preview is of half the size
 AROUND, FEWER_AROUND = 2, 1  # frames before and behind, that the motion is found with; at half size
-MORE_AROUND = 3  # where they are to show their exposure, too: five frames are off by 0.3 in its logarithm, seven by 0.2
+MORE_AROUND = 3  # where they are to show their exposure, too: five frames are off by 0.35 in its logarithm, seven by 0.25
 _NOISE = 0.5  # of a pixel that is the mean of four
 _MOST_KEPT = 2  # sets of decoded frames: of half and of full size
 _KEPT: dict[object, list[Frame]] = {}
