@@ -14,6 +14,7 @@ from rsvideo.config.files import UnreachableError, UnreadableError
 from rsvideo.config.lock import BusyError
 from rsvideo.config.placing import SIGNALS
 
+_SOON = 0.002  # seconds after which a signal is tried again that came where it may not raise
 _SIGPIPE = 13  # by which other programs end whose reader has gone; not every system names it
 
 
@@ -68,9 +69,18 @@ def listen() -> None:
             signal.signal(number, _stop)
 
 
-def _stop(number: int, _: FrameType | None) -> None:
+def _stop(number: int, frame: FrameType | None) -> None:
+    if frame is not None and _is_made_up(frame) and hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, lambda _, later: _stop(number, later))
+        signal.setitimer(signal.ITIMER_REAL, _SOON)
+        return
     signal.signal(number, signal.SIG_DFL)
     raise Stopped(number)
+
+
+def _is_made_up(frame: FrameType) -> bool:
+    """Whether a compiled module, such as PyAV's, just runs this frame to give a traceback a line; it forgets what is raised there."""
+    return "__name__" not in frame.f_globals
 
 
 @contextlib.contextmanager

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import signal
 import sqlite3
 import subprocess
@@ -13,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from rsvideo.batch import ledger
-from rsvideo.cli import exit_codes
 from tests.batch.runs import STAND_IN, environment, under_way
 from tests.robustness import jobs
 
@@ -185,16 +183,3 @@ def test_a_hang_up_ends_a_run_whose_terminal_is_gone(job: Path, whole: jobs.File
     assert not any(Path(f"/proc/{worker}").exists() for worker in workers)
     assert jobs.run(job).returncode == 0
     assert jobs.results(job) == whole
-
-
-def test_a_hang_up_that_is_ignored_stays_ignored() -> None:
-    before = {number: signal.getsignal(number) for number in exit_codes.SIGNALS}
-    try:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
-        exit_codes.listen()
-        os.kill(os.getpid(), signal.SIGHUP)
-        with pytest.raises(exit_codes.Stopped):
-            os.kill(os.getpid(), signal.SIGTERM)
-    finally:
-        for number, how in before.items():
-            signal.signal(number, how)
