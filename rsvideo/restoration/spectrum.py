@@ -18,8 +18,9 @@ from dataclasses import dataclass, field
 from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 from numba import njit
+from numpy.lib.stride_tricks import sliding_window_view
 
 from rsvideo.lanes import LANES, alike, exponential, larger, load, store, total
 from rsvideo.physics.camera import lever
@@ -74,49 +75,39 @@ def patches(scene: Scene) -> Patches | None:
     rows, cols = scene.frame.shape
     if min(rows, cols) < SIDE:
         return None
-    fine = (_MAGNITUDE > FINE) & (_MAGNITUDE < HIGHEST)
+    fine, middle = (_MAGNITUDE > FINE) & (_MAGNITUDE < HIGHEST), np.abs(_MAGNITUDE - np.mean(MIDDLE)) < np.ptp(MIDDLE) / 2
     power, noise, at, count = [], [], [], []
     for centre in np.linspace(SIDE / 2, rows - SIDE / 2, STRIPS):
-        tops = sorted({int(np.clip(centre - SIDE / 2 + d, 0, rows - SIDE)) for d in (-STEP // 2, 0, STEP // 2)})
+        tops = np.unique(np.clip(centre - SIDE / 2 + np.array([-STEP // 2, 0, STEP // 2]), 0, rows - SIDE).astype(int))
         for lefts in np.array_split(np.arange(0, cols - SIDE + 1, STEP), SIDES):
-            found = [each for top in tops for left in lefts if (each := _patch(scene, top, int(left))) is not None]
-            if len(found) < FEWEST:
+            columns, variance, periodograms = _textured(scene, tops, lefts)
+            if len(columns) < FEWEST:
                 continue
-            found.sort(key=lambda each: -each.middle)
-            found = found[: max(FEWEST, int(SHARPEST * len(found)))]
-            power.append(np.mean([each.power for each in found], axis=0))
-            noise.append(max(np.mean([each.noise for each in found]), float(FINE_NOISE * np.median(power[-1][fine]))))
-            at.append((np.mean([each.column for each in found]), centre))
-            count.append(len(found))
+            order = np.argsort(-periodograms[:, middle].mean(axis=1), kind="stable")
+            best = order[: max(FEWEST, int(SHARPEST * len(order)))]
+            power.append((periodograms[best] / variance[best, None, None]).mean(axis=0))
+            noise.append(max((scene.noise**2 / variance[best]).mean(), float(FINE_NOISE * np.median(power[-1][fine]))))
+            at.append((columns[best].mean(), centre))
+            count.append(len(best))
     if not power:
         return None
     columns, middles = np.array(at).T
     return Patches(power=np.array(power), noise=np.array(noise), rows=middles, columns=columns, weight=np.array(count) / sum(count))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Patch:
-    power: Float[np.ndarray, "n half"]  # its periodogram, the patch's variance being 1
-    middle: float  # its power between MIDDLE's bounds
-    noise: float
-    column: float
-
-
-def _patch(scene: Scene, top: int, left: int) -> _Patch | None:
-    """What one patch shows; None where it is clipped or has no texture."""
-    place = np.s_[top : top + SIDE, left : left + SIDE]
-    patch = scene.frame[place].astype(float)
-    variance = float(patch.var())
-    if scene.valid[place].mean() < VALID or variance < CONTRAST * scene.noise**2 + scene.least_texture:
-        return None
-    periodogram = np.abs(np.fft.rfft2((patch - (patch * _WINDOW).sum() / _WINDOW.sum()) * _WINDOW)[_KEPT]) ** 2
-    middle = np.abs(_MAGNITUDE - np.mean(MIDDLE)) < np.ptp(MIDDLE) / 2
-    return _Patch(
-        power=periodogram / variance,
-        middle=float(periodogram[middle].mean()),
-        noise=scene.noise**2 / variance,
-        column=left + (SIDE - 1) / 2,
+def _textured(
+    scene: Scene, tops: Int[np.ndarray, " t"], lefts: Int[np.ndarray, " l"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, "n rows half"]]:
+    """Of the patches at these places that have texture and are not clipped: the column of the middle, the variance, the periodogram."""
+    patches, valid = (
+        sliding_window_view(each, (SIDE, SIDE))[np.ix_(tops, lefts)].reshape(-1, SIDE, SIDE) for each in (scene.frame, scene.valid)
     )
+    variance = patches.var(axis=(1, 2), dtype=float)
+    held = (valid.mean(axis=(1, 2)) >= VALID) & (variance >= CONTRAST * scene.noise**2 + scene.least_texture)
+    patches = patches[held].astype(float)
+    level = np.tensordot(patches, _WINDOW) / _WINDOW.sum()
+    spectra = np.fft.rfft2((patches - level[:, None, None]) * _WINDOW)[:, *_KEPT]
+    return np.tile(lefts + (SIDE - 1) / 2, len(tops))[held], variance[held], np.abs(spectra) ** 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
