@@ -13,7 +13,6 @@ from numba import cuda, float32, int32, uint32
 from rsvideo.gpu import resampling
 from rsvideo.gpu.arrays import Array, launch, planes_to_device, to_host, xp
 from rsvideo.gpu.frame import DeviceFrame
-from rsvideo.gpu.sparsity import box
 
 _THREADS = 128  # of a block, along a row; a power of two
 _SUMS = 13  # of a row
@@ -150,7 +149,7 @@ class Fusion:
         borders than `margin` a picture shows nothing."""
         self._frame, self._first, self._patch, self._margin = frame, first, patch, margin
         self._observed, self._unclipped = _grey(frame.planes), frame.data.min(axis=0)
-        power, own = self._gradient_power(), self._misfit(first.planes)
+        power, own = self._gradient_power(), self._misfit(first.planes, xp.ones(weights.shape, bool))
         self._limit = doubt**2 * (own + _expected(xp.minimum(power, power.mean()), noise, error) / 2)
         self._own, self._usual = own, _expected(power, noise, error)
         self._weights = self._alone = xp.asarray(weights, xp.float32)
@@ -160,7 +159,7 @@ class Fusion:
     def add(self, other: Neighbour, shift: Float[np.ndarray, "2 2 rows"], weight: float) -> None:
         """A neighbour that weighs so much."""
         image, there = self._at_pose(other, shift)
-        agreement = there * xp.exp(-self._misfit(image) / self._limit)
+        agreement = there * xp.exp(-self._misfit(image, there) / self._limit)
         self._explained, self._shown = xp.maximum(self._explained, agreement), self._shown | there
         weights = agreement * xp.float32(weight)
         self._total = self._total + weights * image
@@ -186,8 +185,10 @@ class Fusion:
         served = served & (self._unclipped > 0)
         return to_host(self._observed), to_host(self._frame.blurred(target)), to_host(target), to_host(served)
 
-    def _misfit(self, image: Array) -> Array:
-        return resampling.mean(self._unclipped * (self._frame.blurred(_grey(image)) - self._observed) ** 2, self._patch)
+    def _misfit(self, image: Array, there: Array) -> Array:
+        unexplained = self._unclipped * (self._frame.blurred(_grey(image)) - self._observed) ** 2
+        shown = xp.where(there, resampling.mean(there.astype(xp.float32), self._patch), xp.float32(1))
+        return resampling.mean(there * unexplained, self._patch) / shown
 
     def _gradient_power(self) -> Array:
         power = xp.zeros_like(self._observed)
@@ -196,9 +197,9 @@ class Fusion:
         return resampling.mean(power, self._patch)
 
     def _at_pose(self, other: Neighbour, shift: Float[np.ndarray, "2 2 rows"]) -> tuple[Array, Array]:
-        """The neighbour's picture at the frame's pose, and where it shows a patch about the place; elsewhere the frame's own."""
+        """The neighbour's picture at the frame's pose, and where it shows the place; elsewhere the frame's own."""
         at = other.at(shift)
         rows, cols = at.shape[1:]
         x, y = (at >= self._margin) & (at <= xp.asarray([[[cols]], [[rows]]], xp.float32) - 1 - self._margin)
-        there = box((x & y).astype(xp.float32), self._patch) > 1 - 0.5 / self._patch**2
+        there = x & y
         return xp.where(there, resampling.lanczos(other.other.planes, at), self._first.planes), there

@@ -32,12 +32,12 @@ RIDGE = 0.6  # rho; origin: by trial
 FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out; origin: by trial
 MOST = 4  # neighbours, the sharpest
 SHORTEST = 1.0  # px; no blur is counted as shorter
-PATCH = 11  # px over which a neighbour must explain the frame; origin: by trial
+PATCH = 11  # px over which a neighbour must explain the frame, as far as it shows them; origin: by trial
 LEAST_SHOWN = 1e-3  # of the frame's own weight, that neighbours have together where they show a place
 LEAST_OWN = 1e-3  # of the frame's own weight, where its data show nothing: something is shown where no neighbour does, either
 ASTRAY = 40.0  # times what noise and path leave unexplained, from which on a place has not the path's blur; origin: by trial
 DOUBT = 3.0  # times the frame's own residual, at which a neighbour counts 1 / e; origin: by trial
-LANCZOS = 4  # px from its place, the farthest pixel that a sample reads
+EDGE = 1  # px from its borders, nearer than which a neighbour shows nothing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,10 +104,11 @@ def fused(
     pixels, valid = frame.observed()
     observed, unclipped = grey(pixels), least_channel(valid)
 
-    def misfit(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
-        return _about(unclipped * (frame.blurred(grey(image)) - observed) ** 2)
+    def misfit(image: Float[np.ndarray, "rows cols channels"], there: Bool[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+        unexplained = unclipped * (frame.blurred(grey(image)) - observed) ** 2
+        return _about(there * unexplained) / np.where(there, _about(there.astype(np.float32)), np.float32(1))
 
-    power, own_misfit = _gradient_power(observed), misfit(first.latent)
+    power, own_misfit = _gradient_power(observed), misfit(first.latent, np.ones(observed.shape, bool))
     limit = DOUBT**2 * (own_misfit + _expected(np.minimum(power, power.mean()), noise, error) / 2)
     total, alone = weights[..., None] * first.latent, weights.copy()
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
@@ -115,7 +116,7 @@ def fused(
     at_once = threads.most()  # all of them would take more memory
     for some in (others[k : k + at_once] for k in range(0, len(others), at_once)):
         for other, (image, there) in zip(some, threads.each(lambda other: _at_pose(first, soft, other, intrinsics), some), strict=True):
-            agreement = np.asarray(there * np.exp(-misfit(image) / limit), np.float32)
+            agreement = np.asarray(there * np.exp(-misfit(image, there) / limit), np.float32)
             explained, shown = np.maximum(explained, agreement), shown | there
             weight = np.float32(other.weight) * agreement
             image *= weight[..., None]
@@ -127,7 +128,8 @@ def fused(
         served = beside > LEAST_SHOWN * first.weight
         own_grey = grey(first.latent)
         target = np.where(served, (grey(total) - alone * own_grey) / np.where(served, beside, 1), own_grey)
-        found = confirmed(observed, frame.blurred(target), displaced(target), served & (unclipped > 0))
+        served &= (unclipped > 0) & _inner(served.shape, first.length)
+        found = confirmed(observed, frame.blurred(target), displaced(target), served)
     total /= weights[..., None]
     astray = _ringing(own_misfit > ASTRAY * _expected(power, noise, error), first.length)
     return _result(frame.towards(total, RIDGE), explained, shown, astray, weights, first, found)
@@ -152,13 +154,17 @@ def _expected(power: Float[np.ndarray, "rows cols"], noise: float, error: float)
     return np.float32(noise**2) + np.float32(error**2) * power
 
 
+def _inner(shape: tuple[int, ...], length: float) -> Bool[np.ndarray, "rows cols"]:
+    """Farther from the borders than blur of `length` px reaches: within that, nobody knows what the frame is blurred with."""
+    reach, inner = math.ceil(length), np.zeros(shape, bool)
+    inner[reach:-reach, reach:-reach] = True
+    return inner
+
+
 def _ringing(unexplained: Bool[np.ndarray, "rows cols"], length: float) -> Bool[np.ndarray, "rows cols"]:
-    """Where a latent image leaves too much unexplained, and as far about that as blur of `length` px rings. Within that of the borders,
-    nobody knows what the frame is blurred with."""
-    reach = math.ceil(length)
-    found, inner = np.zeros(unexplained.shape, np.float32), np.s_[reach:-reach, reach:-reach]
-    found[inner] = unexplained[inner]
-    return cv2.boxFilter(found, -1, (2 * reach + 1, 2 * reach + 1), normalize=False) > 0.5
+    """Where a latent image leaves too much unexplained, and as far about that as blur of `length` px rings."""
+    found, side = (unexplained & _inner(unexplained.shape, length)).astype(np.float32), 2 * math.ceil(length) + 1
+    return cv2.boxFilter(found, -1, (side, side), normalize=False) > 0.5
 
 
 def _result(
@@ -189,7 +195,7 @@ def _fused_there(
     x, y = np.meshgrid(nodes(cols).astype(float), nodes(rows).astype(float))
     step, basis = alignment.thinned(rows, cols), alignment.bends(rows)
     how = {"step": step, "edge": alignment.EDGE, "outlier": alignment.OUTLIER, "least_difference": alignment.LEAST_DIFFERENCE}
-    total = device_frame.fusion(frame, first.there, weights, noise, error, patch=PATCH, doubt=DOUBT, margin=LANCZOS)
+    total = device_frame.fusion(frame, first.there, weights, noise, error, patch=PATCH, doubt=DOUBT, margin=EDGE)
     for other in others:
         drift = resampled_at(intrinsics, first.pose - other.pose, x, y) - np.stack([x, y], axis=-1)
         neighbour = device_frame.neighbour(first.there, other.there, drift, NODES, **how)
@@ -200,7 +206,7 @@ def _fused_there(
     found = None
     if displaced:
         observed, blurred, target, served = total.beside(LEAST_SHOWN * first.weight)
-        found = confirmed(observed, blurred, displaced(target), served)
+        found = confirmed(observed, blurred, displaced(target), served & _inner(served.shape, first.length))
     return _result(total.latent(RIDGE), explained, shown, astray, weights, first, found)
 
 
@@ -213,8 +219,7 @@ def _at_pose(
     x, y = np.meshgrid(columns.astype(float), np.arange(rows, dtype=float))
     at = resampled_at(intrinsics, first.pose - other.pose, x, y)
     at = between((at + misaligned(soft, softened(other.latent), at, columns)).astype(np.float32), columns)
-    inside = np.asarray(((at >= LANCZOS) & (at <= np.array([cols, rows], np.float32) - 1 - LANCZOS)).all(axis=-1), np.uint8)
-    there = cv2.erode(inside, np.ones((PATCH, PATCH)), borderValue=0) > 0
+    there = np.asarray(((at >= EDGE) & (at <= np.array([cols, rows], np.float32) - 1 - EDGE)).all(axis=-1))
     at = axes(at)  # the image takes the memory of what it is made from
     image = sampled(other.latent, at, cv2.INTER_LANCZOS4)
     np.clip(image, 0, 1, out=image)

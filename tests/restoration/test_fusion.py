@@ -69,6 +69,17 @@ def test_a_sharper_neighbour_that_looks_elsewhere_gives_detail_back(long):
     assert psnr(both.latent, long.truth) > psnr(own, long.truth) + 2
 
 
+def test_a_neighbour_helps_as_far_as_the_borders(long):
+    """There a frame knows least of itself: the blur has carried light in and out."""
+    near = taken(SHORT, skimage.data.astronaut()[20:180, 60:310])
+    frame, own = alone(long, LONG)
+    other = PosedImage(latent=alone(near, SHORT)[1], pose=np.zeros(3), length=1.5)
+    both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA.intrinsics, 0.004)
+    below = np.s_[-8:-2, 16:-16]
+    assert both.shown[below].all()
+    assert np.abs(both.latent - long.truth)[below].mean() < 0.7 * np.abs(own - long.truth)[below].mean()
+
+
 def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
     frame, own = alone(long, LONG)
     stranger = PosedImage(latent=np.ascontiguousarray(own[:, ::-1]), pose=np.zeros(3), length=1.5)
