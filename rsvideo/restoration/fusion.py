@@ -154,10 +154,10 @@ def _expected(power: Float[np.ndarray, "rows cols"], noise: float, error: float)
     return np.float32(noise**2) + np.float32(error**2) * power
 
 
-def _inner(shape: tuple[int, ...], length: float) -> Bool[np.ndarray, "rows cols"]:
+def _inner(shape: tuple[int, int], length: float) -> Bool[np.ndarray, "rows cols"]:
     """Farther from the borders than blur of `length` px reaches: within that, nobody knows what the frame is blurred with."""
-    reach, inner = math.ceil(length), np.zeros(shape, bool)
-    inner[reach:-reach, reach:-reach] = True
+    (rows, cols), reach, inner = shape, math.ceil(length), np.zeros(shape, bool)
+    inner[reach : rows - reach, reach : cols - reach] = True
     return inner
 
 
