@@ -104,11 +104,13 @@ def fused(
     pixels, valid = frame.observed()
     observed, unclipped = grey(pixels), least_channel(valid)
 
-    def misfit(image: Float[np.ndarray, "rows cols channels"], there: Bool[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-        unexplained = unclipped * (frame.blurred(grey(image)) - observed) ** 2
-        return _about(there * unexplained) / np.where(there, _about(there.astype(np.float32)), np.float32(1))
+    def unexplained(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
+        return unclipped * (frame.blurred(grey(image)) - observed) ** 2
 
-    power, own_misfit = _gradient_power(observed), misfit(first.latent, np.ones(observed.shape, bool))
+    def misfit(image: Float[np.ndarray, "rows cols channels"], there: Bool[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
+        return _about(there * unexplained(image)) / np.where(there, _about(there.astype(np.float32)), np.float32(1))
+
+    power, own_misfit = _gradient_power(observed), _about(unexplained(first.latent))
     limit = DOUBT**2 * (own_misfit + _expected(np.minimum(power, power.mean()), noise, error) / 2)
     total, alone = weights[..., None] * first.latent, weights.copy()
     explained, shown = np.zeros(weights.shape, np.float32), np.zeros(weights.shape, bool)
