@@ -112,24 +112,28 @@ class Drift(_Record):
         return self
 
 
+Terms = Annotated[list[Annotated[list[Finite], Field(min_length=2, max_length=3)]], Field(fail_fast=True, min_length=1, max_length=64)]
+"""Coefficients of a polynomial, (terms, axes)."""
+
+
 class Found(_Record):
     """What the search for a clip's motion found of a frame, exactly: restored along it, the frame has the pixels that follow the search."""
 
-    path: (
-        Annotated[list[Annotated[list[Finite], Field(min_length=2, max_length=3)]], Field(fail_fast=True, min_length=1, max_length=64)]
-        | None
-    )
-    """Of a polynomial over the frame's interval, (terms, axes) in image axes; None: no point of the frame could be followed."""
+    path: Terms | None
+    """Of a polynomial over the frame's interval, in image axes; None: no point of the frame could be followed."""
     drift: Drift | None  # None: all points move along the path
     error_px: Annotated[Finite, Field(ge=0)]  # by which the blur of one exposure may depart from path and drift
     share: Annotated[float, Field(ge=0, le=1)]  # of a restoration: whether the blur of the run bears its path out
     certainty: Annotated[float, Field(ge=0, le=1)]  # of the scanlines' displacements: how far the frame is straightened
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
+    doubts: Annotated[list[Terms], Field(max_length=64)] = []  # how the path may be wrong, along the scanlines
 
     @model_validator(mode="after")
     def _check(self) -> "Found":
         if self.path and len({len(term) for term in self.path}) > 1:
             raise ValueError("path must have equally many axes in all terms")
+        if self.path and any([*map(len, move)] != [*map(len, self.path)] for move in self.doubts):
+            raise ValueError("doubts must have as many terms and axes as path")
         return self
 
 

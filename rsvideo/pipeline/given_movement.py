@@ -47,6 +47,7 @@ def record(trajectory: Trajectory | None, evidence: Evidence | None) -> Found:
         share=evidence.share if evidence else 0.0,
         certainty=evidence.certainty if evidence else 0.0,
         exposure_shown=bool(evidence and evidence.exposure_shown),
+        doubts=[move.tolist() for move in evidence.doubts] if evidence else [],
     )
 
 
@@ -86,5 +87,10 @@ def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Ev
     drift = found.drift
     flow = drift and Flow(points=np.array(drift.points_px), weights=np.array(drift.weights_px_s), length=drift.length_px)
     return curve, Evidence(
-        flow=flow, error=found.error_px, share=found.share, certainty=found.certainty, exposure_shown=found.exposure_shown
+        flow=flow,
+        error=found.error_px,
+        share=found.share,
+        certainty=found.certainty,
+        exposure_shown=found.exposure_shown,
+        doubts=[np.array(move) for move in found.doubts],
     )

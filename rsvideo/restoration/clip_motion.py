@@ -29,6 +29,7 @@ from rsvideo.restoration.camera_path import (
     CameraPath,
     blur_certainties,
     certainties,
+    doubts,
     exposure_length,
     follow,
     polynomial,
@@ -309,6 +310,7 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
     coherent = run.exposures * np.maximum(around[:-1], around[1:])
     certain = certainties(path, run.begins, run.tied, run.camera.timing)
     shares = share * blur_share(blur_certainties(path, run.begins, run.camera.timing))
+    doubted = [doubts(path, run.opens(k), run.timing(k)) for k in range(len(run.begins))]
     return [
         Evidence(
             flow=flow,
@@ -316,8 +318,9 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
             share=float(granted),
             certainty=float(certainty),
             exposure_shown=run.exposure_shown,
+            doubts=doubt,
         )
-        for flow, departure, granted, certainty in zip(_flows(run, beyond), coherent, shares, certain, strict=True)
+        for flow, departure, granted, certainty, doubt in zip(_flows(run, beyond), coherent, shares, certain, doubted, strict=True)
     ]
 
 

@@ -25,7 +25,7 @@ from rsvideo.physics.luminance import LIFT
 from rsvideo.restoration import alignment, device_frame
 from rsvideo.restoration.alignment import axes, grey, misaligned, sampled, softened
 from rsvideo.restoration.blurred_frame import BlurredFrame
-from rsvideo.restoration.predicted_blur import Confirmed, confirmed
+from rsvideo.restoration.predicted_blur import Predicted
 from rsvideo.restoration.rectification import NODES, between, nodes
 
 RIDGE = 0.6  # rho; origin: by trial
@@ -63,12 +63,13 @@ class PosedImage:
 class Fused:
     """A frame restored with its neighbours, and how well the one that agrees best explains it."""
 
-    latent: Any  # a picture of the frame's; `frame.to_host` makes an array of it
+    frame: BlurredFrame
+    solved: Callable[[], Any]  # its latent image, the frame's kind of picture
     explained: Float[np.ndarray, "rows cols"]  # 0 to 1
     shown: Bool[np.ndarray, "rows cols"]  # whether any neighbour shows the place
     astray: Bool[np.ndarray, "rows cols"]  # whether the blur there, or as far about it as that rings, is not the path's
     support: Float[np.ndarray, "rows cols"]  # 0 to 1: the share that the frame's own data grant, or neighbours that count as much
-    confirmed: Confirmed | None  # how much of the path's blur the frame shows; None: not wanted
+    predicted: Predicted | None  # what the neighbours alone make of the frame; None: not wanted
 
 
 Displaced = Callable[[Float[np.ndarray, "rows cols"]], Float[np.ndarray, "rows cols"]]
@@ -94,8 +95,8 @@ def fused(
     """The latent image of `frame`, whose own one is `first`, with the help of its neighbours'.
 
     `noise` is the sensor's, and the path may be off by `error` px. `own` is the share of the frame's own latent image that its data
-    grant, 0 to 1: all of it by default. It counts by as much. Where scanlines are `displaced` as the path says, the answer also says how
-    much of the path's blur the frame shows.
+    grant, 0 to 1: all of it by default. It counts by as much. Where scanlines are `displaced` as the path says, the answer also holds what
+    path and neighbours predict of the frame.
     """
     share = np.ones(first.latent.shape[:2], np.float32) if own is None else np.maximum(own, LEAST_OWN).astype(np.float32)
     weights = np.float32(first.weight) * share
@@ -124,17 +125,17 @@ def fused(
             image *= weight[..., None]
             total += image
             weights += weight
-    found = None
+    predicted = None
     if displaced:
         beside = weights - alone
         served = beside > LEAST_SHOWN * first.weight
         own_grey = grey(first.latent)
         target = np.where(served, (grey(total) - alone * own_grey) / np.where(served, beside, 1), own_grey)
         served &= (unclipped > 0) & _inner(served.shape, first.length)
-        found = confirmed(observed, frame.blurred(target), displaced(target), served)
+        predicted = Predicted(observed=observed, target=target, blurred=frame.blurred(target), displaced=displaced(target), shown=served)
     total /= weights[..., None]
     astray = _ringing(own_misfit > ASTRAY * _expected(power, noise, error), first.length)
-    return _result(frame.towards(total, RIDGE), explained, shown, astray, weights, first, found)
+    return _result(frame, lambda: frame.towards(total, RIDGE), explained, shown, astray, weights, first, predicted)
 
 
 def _about(image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
@@ -170,16 +171,17 @@ def _ringing(unexplained: Bool[np.ndarray, "rows cols"], length: float) -> Bool[
 
 
 def _result(
-    latent: Any,
+    frame: BlurredFrame,
+    solved: Callable[[], Any],
     explained: np.ndarray,
     shown: np.ndarray,
     astray: np.ndarray,
     weights: np.ndarray,
     first: PosedImage,
-    found: Confirmed | None,
+    predicted: Predicted | None,
 ) -> Fused:
     support = np.minimum(weights / np.float32(first.weight), 1)
-    return Fused(latent=latent, explained=explained, shown=shown, astray=astray, support=support, confirmed=found)
+    return Fused(frame=frame, solved=solved, explained=explained, shown=shown, astray=astray, support=support, predicted=predicted)
 
 
 def _fused_there(
@@ -205,11 +207,12 @@ def _fused_there(
         total.add(neighbour, found @ basis.T, other.weight)
     explained, shown, weights = total.found()
     astray = _ringing(total.unexplained(ASTRAY), first.length)
-    found = None
+    predicted = None
     if displaced:
         observed, blurred, target, served = total.beside(LEAST_SHOWN * first.weight)
-        found = confirmed(observed, blurred, displaced(target), served & _inner(served.shape, first.length))
-    return _result(total.latent(RIDGE), explained, shown, astray, weights, first, found)
+        served &= _inner(served.shape, first.length)
+        predicted = Predicted(observed=observed, target=target, blurred=blurred, displaced=displaced(target), shown=served)
+    return _result(frame, lambda: total.latent(RIDGE), explained, shown, astray, weights, first, predicted)
 
 
 def _at_pose(

@@ -26,6 +26,7 @@ class Evidence:
     share: float  # of a restoration, 0 to 1: whether the blur of the run bears its path out, and how surely the frame's is as the path says
     certainty: float  # 0 to 1: how surely its scanlines are displaced as the path says, and so how far it is straightened
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
+    doubts: Sequence[Float[np.ndarray, "terms axes"]] = ()  # how the path may be wrong, each a standard deviation of its coefficients
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

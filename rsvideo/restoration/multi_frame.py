@@ -14,9 +14,11 @@ from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import nonblind, search, single_frame
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.extent import beyond, longest
-from rsvideo.restoration.fusion import Displaced, PosedImage, fused, helpful
+from rsvideo.restoration.fusion import Displaced, Fused, PosedImage, fused, helpful
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.path_from_neighbours import corrected
+from rsvideo.restoration.predicted_blur import confirmed
 from rsvideo.restoration.rectification import Share, read_out, scanline_poses, straightened
 from rsvideo.restoration.resolution import too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
@@ -30,6 +32,7 @@ MOVING = 1.0  # px, from which on it is fully restored
 TIMES = 33  # at which a frame's path is followed to see how far it leads
 LEAST_SHARE = 0.02  # of the restoration, over the frame; less is not worth the work
 SHARP_ENOUGH = 6.0  # px of blur, up to which a frame that is rectified only serves its neighbours
+FAR = 0.1  # px RMS over a frame's interval, from which on a corrected path is worth restoring the frame along it
 ALONE = 0.6  # of a frame's work is done when it is restored by itself
 
 
@@ -79,7 +82,13 @@ def restored(
     def ready(k: int) -> FrameResult:
         near = [j for j in waiting if abs(j - k) <= reach and group[j] == group[k] and (poses[j] != poses[k]).any()]
         others = [image for j in near if (image := waiting[j].image)]
-        done = _with_neighbours(waiting[k], others, settings).result()
+        started, both = time.monotonic(), _fused(waiting[k], others, settings)
+        if (path := _corrected(waiting[k], both)) is not None:
+            both = None  # its memory is needed
+            waiting[k] = _drafted_again(waiting[k], path, settings)
+            both = _fused(waiting[k], others, settings)
+        alone = _with_neighbours(waiting[k], both, settings)
+        done = replace(alone, seconds=alone.seconds + time.monotonic() - started).result()
         waiting[k] = _Waiting(image=waiting[k].image)  # others need no more of it
         waiting.pop(k - reach, None)
         observe(Progress(stage="restoring", fraction=1.0, frame=done.frame.index))
@@ -156,21 +165,48 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         straight = _straight(view, path, evidence, moved, settings.device)
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
-    noise = single_frame.model_noise(view, _error(evidence, length))
+    share = np.asarray(np.float32(moved) * judged.share, np.float16)
     draft = draft and settings.splittings > 0 and not too_long(view, length)
+    return _drafted(view, path, evidence, pose, settings, moved=moved, share=share, draft=draft)
+
+
+def _drafted(
+    view: View,
+    path: Trajectory,
+    evidence: Evidence | None,
+    pose: np.ndarray,
+    settings: Settings,
+    *,
+    moved: float,
+    share: Float[np.ndarray, "..."],
+    draft: bool,
+) -> _Waiting:
+    """A frame that is restored, by itself so far."""
+    started, length = time.monotonic(), longest(view.camera, path)
+    noise = single_frame.model_noise(view, _error(evidence, length))
     how = replace(settings, quality="draft") if draft else settings
     alone = single_frame.restored(view, how, path=path, noise=noise, flow=evidence and evidence.flow, coverage=evidence is not None)
     waiting = _Waiting(
         restored=alone,
         evidence=evidence,
         moved=moved,
-        share=np.asarray(np.float32(moved) * judged.share, np.float16),
+        share=share,
         own=None if alone.covered is None else observed(alone.covered).astype(np.float16),
         noise=noise,
         draft=draft,
     )
     image = PosedImage(latent=waiting.mixed(alone.latent, settings.device), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, latent=image.latent, covered=None, seconds=time.monotonic() - started), image=image)
+
+
+def _drafted_again(waiting: _Waiting, path: Trajectory, settings: Settings) -> _Waiting:
+    """A frame along a corrected path, which its neighbours bear out; what bears out the former one grants its restoration."""
+    alone, image = waiting.restored, waiting.image
+    assert alone is not None
+    assert image is not None
+    how = {"moved": waiting.moved, "share": waiting.share, "draft": waiting.draft}
+    again = _drafted(alone.view, path, waiting.evidence, image.pose, settings, **how)
+    return replace(again, restored=again.restored and replace(again.restored, seconds=alone.seconds))
 
 
 def _error(evidence: Evidence | None, length: float) -> float:
@@ -190,37 +226,57 @@ def _straight(
     return straightened(view, followed, flow=flow, moved=moved, device=device, latent=latent)
 
 
-def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
+def _fused(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Fused | None:
+    """A frame that is restored, with its neighbours; None where none helps."""
+    alone, image = waiting.restored, waiting.image
+    if alone is None or image is None or alone.verdict is not Verdict.RESTORED or too_long(alone.view, image.length):
+        return None
+    if not (others := helpful(image, others)):
+        return None
+    view, evidence = alone.view, waiting.evidence
+    flow = evidence and evidence.flow
+    frame = tiled_frame(view, alone.trajectory, settings, flow)
+    displaced = _displaced(view, alone.trajectory, flow) if evidence and image.length > UNCHECKED else None
+    error = _error(evidence, image.length)
+    return fused(frame, image, others, view.camera.intrinsics, view.noise, error, own=waiting.own, displaced=displaced)
+
+
+def _corrected(waiting: _Waiting, both: Fused | None) -> Trajectory | None:
+    """The frame's path as its neighbours correct it; None where it stays, or would lead nowhere."""
+    alone, evidence = waiting.restored, waiting.evidence
+    if not (alone and evidence and both and both.predicted):
+        return None
+    camera, path = alone.view.camera, corrected(alone.trajectory, evidence.doubts, both.predicted, alone.view.camera, evidence.flow)
+    far = np.linalg.norm(path.coefficients - alone.trajectory.coefficients) > FAR
+    return path if far and not beyond(camera, path) else None
+
+
+def _with_neighbours(waiting: _Waiting, both: Fused | None, settings: Settings) -> Restored:
     """The frame restored with its neighbours; straightened only where none agrees, or where its blur is not what its path predicts."""
     alone, image, verdict = waiting.restored, waiting.image, Verdict.RESTORED
     assert alone is not None
     if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
-    started, view = time.monotonic(), alone.view
-    flow = waiting.evidence and waiting.evidence.flow
-    others = [] if too_long(view, image.length) else helpful(image, others)
-    if others:
-        frame = tiled_frame(view, alone.trajectory, settings, flow)
-        checked = waiting.evidence is not None and image.length > UNCHECKED
-        displaced = _displaced(view, alone.trajectory, flow) if checked else None
-        error = _error(waiting.evidence, image.length)
-        both = fused(frame, image, others, view.camera.intrinsics, view.noise, error, own=waiting.own, displaced=displaced)
-        latent = frame.to_host(nonblind.finished(frame, both.latent, waiting.noise) if settings.splittings else both.latent)
+    view = alone.view
+    if both:
+        frame, latent = both.frame, both.solved()
+        latent = frame.to_host(nonblind.finished(frame, latent, waiting.noise) if settings.splittings else latent)
         if evidence := waiting.evidence:
             agreed = np.float32(1.0)
-            if both.confirmed:
-                agreed = confirmation(both.confirmed, image.length)
+            if both.predicted:
+                found = confirmed(both.predicted)
+                agreed = confirmation(found, image.length)
                 if evidence.exposure_shown:  # or a wrong exposure would be taken for a wrong path
-                    evidence = replace(evidence, certainty=evidence.certainty * borne_out(both.confirmed, image.length))
+                    evidence = replace(evidence, certainty=evidence.certainty * borne_out(found, image.length))
             agreed = agreed * agreement(both.explained, both.shown, both.astray, evidence.certainty)
             waiting = replace(waiting, evidence=evidence, share=waiting.share * agreed[..., None], own=both.support)
             verdict = verdict if np.mean(waiting.share, dtype=np.float32) >= LEAST_SHARE else Verdict.STRAIGHTENED
     elif waiting.draft:
+        flow = waiting.evidence and waiting.evidence.flow
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent
     else:
         return alone
-    seconds = alone.seconds + time.monotonic() - started
-    return replace(alone, latent=waiting.mixed(latent, settings.device), verdict=verdict, seconds=seconds)
+    return replace(alone, latent=waiting.mixed(latent, settings.device), verdict=verdict)
 
 
 def _displaced(view: View, path: Trajectory, flow: Flow | None) -> Displaced:

@@ -22,6 +22,32 @@ _NO_BLUR = 1e-12  # of |K t - D t|^2, up to which a path predicts no blur
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Predicted:
+    """A frame beside what its path and its neighbours predict of it; grey, along the scanlines."""
+
+    observed: Float[np.ndarray, "rows cols"]  # b
+    target: Float[np.ndarray, "rows cols"]  # t
+    blurred: Float[np.ndarray, "rows cols"]  # K t
+    displaced: Float[np.ndarray, "rows cols"]  # D t
+    shown: Bool[np.ndarray, "rows cols"]  # where neighbours show the place, and b is not clipped
+
+    def halved(self) -> "Predicted":
+        """Means of two by two pixels, shown where all four are; an odd last row or column is left out."""
+        rows, cols = (side // 2 for side in self.shown.shape)
+
+        def half(image: Float[np.ndarray, "_ _"]) -> Float[np.ndarray, "rows cols"]:
+            return cv2.resize(image[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA)
+
+        return Predicted(
+            observed=half(self.observed),
+            target=half(self.target),
+            blurred=half(self.blurred),
+            displaced=half(self.displaced),
+            shown=half(self.shown.astype(np.float32)) == 1,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Confirmed:
     """beta over a frame, and a standard error more: what noise hides does not speak against the path."""
 
@@ -29,19 +55,14 @@ class Confirmed:
     whole: float  # 1 where neighbours show nothing, or the path predicts no blur
 
 
-def confirmed(
-    observed: Float[np.ndarray, "rows cols"],
-    blurred: Float[np.ndarray, "rows cols"],
-    displaced: Float[np.ndarray, "rows cols"],
-    shown: Bool[np.ndarray, "rows cols"],
-) -> Confirmed:
-    """beta of a frame b that is `observed`, K t and D t; `shown` is where neighbours show the place, and b is not clipped."""
-    weight = shown.astype(np.float32)
-    apart, predicted = weight * (observed - displaced), weight * (blurred - displaced)
-    products = apart * predicted, predicted**2, apart**2, weight
+def confirmed(predicted: Predicted) -> Confirmed:
+    """beta of a frame."""
+    weight = predicted.shown.astype(np.float32)
+    apart, blur = weight * (predicted.observed - predicted.displaced), weight * (predicted.blurred - predicted.displaced)
+    products = apart * blur, blur**2, apart**2, weight
     about = _beta(*(cv2.boxFilter(each, -1, (REGION, REGION), normalize=False, borderType=cv2.BORDER_CONSTANT) for each in products))
     whole = _beta(*(each.sum(dtype=np.float64) for each in products))
-    return Confirmed(about=np.where(shown, about, 1).astype(np.float32), whole=float(whole))
+    return Confirmed(about=np.where(predicted.shown, about, 1).astype(np.float32), whole=float(whole))
 
 
 def _beta(together: _Sums, power: _Sums, apart: _Sums, count: _Sums) -> np.ndarray:

@@ -77,13 +77,26 @@ def read_out(
     flow: Flow | None = None,
 ) -> Float32[np.ndarray, "scanlines along channels"]:
     """What a rolling shutter without blur reads of a global shutter's image, each scanline at its pose: the inverse of `rectified`."""
-    lens, timing, columns = camera.intrinsics, camera.timing, nodes(camera.intrinsics.cols)
+    timing = camera.timing
+    when = timing.row_start() + timing.exposure / 2 - timing.middle
+    at = sampled_at(poses, when, camera, flow and everywhere(flow, nodes(camera.intrinsics.cols), camera.intrinsics.rows))
+    return _lanczos(np.asarray(image, np.float32), *_apart(at))
+
+
+def sampled_at(
+    poses: Float[np.ndarray, "scanlines axes"],
+    when: Float[np.ndarray, " scanlines"],
+    camera: Camera,
+    drift: Float[np.ndarray, "scanlines nodes 2"] | None,
+) -> Float32[np.ndarray, "scanlines along 2"]:
+    """Where a global shutter's image is sampled by scanlines, each at its pose, so many seconds from the middle of the frame's interval;
+    `drift` is `everywhere` of the field beside the path."""
+    lens, columns = camera.intrinsics, nodes(camera.intrinsics.cols)
     home = _grid(np.arange(lens.rows), columns)
     at = home + turned(lens, home[..., 0], home[..., 1], np.broadcast_to(poses[:, None], (*home.shape[:2], poses.shape[1])))
-    if flow:
-        when = timing.row_start() + timing.exposure / 2 - timing.middle
-        at = at - when[:, None, None] * _everywhere(flow, columns, lens.rows)
-    return _lanczos(np.asarray(image, np.float32), *_apart(between(at.astype(np.float32), columns)))
+    if drift is not None:
+        at = at - when[:, None, None] * drift
+    return between(at.astype(np.float32), columns)
 
 
 def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.ndarray, "scanlines along 2"]:
@@ -104,7 +117,7 @@ def _followed(
     timing, lens, poses = camera.timing, camera.intrinsics, scanline_poses(path, camera)
     at = home = _grid(rows, columns)
     x, y = home[..., 0], home[..., 1]
-    drift = _everywhere(flow, columns, lens.rows)[rows] if flow else np.zeros((1, 1, 2))
+    drift = everywhere(flow, columns, lens.rows)[rows] if flow else np.zeros((1, 1, 2))
     for _ in range(_ROUNDS):
         scanline = np.clip(at[..., 1], 0, timing.rows - 1)
         pose = np.stack([np.interp(scanline, np.arange(timing.rows), p) for p in poses.T], axis=-1)
@@ -133,7 +146,7 @@ def between(at: Float32[np.ndarray, "rows nodes 2"], columns: Int[np.ndarray, " 
     return at[:, low] + share * (at[:, high] - at[:, low])
 
 
-def _everywhere(flow: Flow, columns: np.ndarray, rows: int) -> Float[np.ndarray, "rows columns 2"]:
+def everywhere(flow: Flow, columns: np.ndarray, rows: int) -> Float[np.ndarray, "rows columns 2"]:
     """The field in these columns, from that of every few rows."""
     some = nodes(rows)
     found = flow.at(np.stack(np.meshgrid(columns, some), axis=-1).reshape(-1, 2).astype(float)).reshape(len(some), -1)

@@ -116,6 +116,8 @@ def test_a_track_is_of_one_clip_with_one_shutter(rsvideo: Run, source: Path, mot
         ("path", [[0.0, 0.0, 0.0], [1.0, 0.0]], "equally many axes"),
         ("drift", {"points_px": [[80.0, 48.0]], "weights_px_s": [[1e9, 0.0]], "length_px": 20.0}, "drift by"),
         ("drift", {"points_px": [[80.0, 48.0]], "weights_px_s": [], "length_px": 20.0}, "equally long"),
+        ("doubts", [[[0.0, 0.0, 0.0]]], "as many terms and axes as path"),
+        ("doubts", [[[0.0, 0.0, 0.0]]] * 100, "at most 64"),
         ("share", 2.0, "less than or equal to 1"),
         ("certainty", -1.0, "greater than or equal to 0"),
     ],
@@ -124,7 +126,7 @@ def test_a_strangers_track_is_bounded(
     rsvideo: Run, source: Path, motion: Path, tmp_path: Path, key: str, value: object, words: str
 ) -> None:
     held = json.loads(motion.read_text())
-    held["frames"][0]["found"][key] = value
+    held["frames"][0]["found"] |= {"doubts": [], key: value}
     hostile = tmp_path / "hostile.rsvideo.json"
     hostile.write_text(json.dumps(held))
     one_line(rsvideo("deblur", source, "-o", tmp_path / "out.mkv", "--trajectory", hostile), 3, "hostile.rsvideo.json", words)

@@ -11,6 +11,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Polynomial, centred
 from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.nonblind import deblur, tiled
+from rsvideo.restoration.predicted_blur import confirmed
 from rsvideo.restoration.rectification import read_out, scanline_poses
 from rsvideo.restoration.settings import Settings
 
@@ -66,7 +67,7 @@ def test_a_sharper_neighbour_that_looks_elsewhere_gives_detail_back(long):
     other = PosedImage(latent=alone(near, SHORT)[1], pose=AWAY + np.array([0.3, 0.2, 5e-4]), length=1.5)  # nearly
     both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA.intrinsics, 0.004)
     assert both.explained[16:-16, 16:-16].mean() > 0.8
-    assert psnr(both.latent, long.truth) > psnr(own, long.truth) + 2
+    assert psnr(both.solved(), long.truth) > psnr(own, long.truth) + 2
 
 
 def test_a_neighbour_helps_as_far_as_the_borders(long):
@@ -77,7 +78,7 @@ def test_a_neighbour_helps_as_far_as_the_borders(long):
     both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [other], CAMERA.intrinsics, 0.004)
     below = np.s_[-8:-2, 16:-16]
     assert both.shown[below].all()
-    assert np.abs(both.latent - long.truth)[below].mean() < 0.7 * np.abs(own - long.truth)[below].mean()
+    assert np.abs(both.solved() - long.truth)[below].mean() < 0.7 * np.abs(own - long.truth)[below].mean()
 
 
 def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
@@ -85,7 +86,7 @@ def test_a_neighbour_that_shows_something_else_counts_for_nothing(long):
     stranger = PosedImage(latent=np.ascontiguousarray(own[:, ::-1]), pose=np.zeros(3), length=1.5)
     both = fused(frame, PosedImage(latent=own, pose=np.zeros(3), length=12.0), [stranger], CAMERA.intrinsics, 0.004)
     assert np.median(both.explained[16:-16, 16:-16]) < 0.1
-    assert psnr(both.latent, long.truth) > psnr(own, long.truth) - 0.5
+    assert psnr(both.solved(), long.truth) > psnr(own, long.truth) - 0.5
 
 
 def test_what_moves_before_plain_ground_is_found_out_though_edges_elsewhere_leave_room_for_the_paths_error(long):
@@ -138,8 +139,8 @@ def test_neighbours_tell_a_right_path_from_one_of_a_wrong_exposure_or_another_mo
         0.004,
         displaced=lambda image: read_out(image[..., None], poses, CAMERA)[..., 0],
     )
-    assert both.confirmed is not None
-    assert least < both.confirmed.whole < most
+    assert both.predicted is not None
+    assert least < confirmed(both.predicted).whole < most
 
 
 def test_neighbours_of_far_longer_blur_do_not_help() -> None:
@@ -163,4 +164,4 @@ def test_weights_are_summed_in_single_precision_whatever_shares_are_kept_in(long
     first, other = (PosedImage(latent=own, pose=np.zeros(3), length=length) for length in (12.0, 7.0))
     share = np.full((ROWS, COLS), 0.75, np.float16)
     half, single = (fused(frame, first, [other], CAMERA.intrinsics, 0.004, own=each) for each in (share, share.astype(np.float32)))
-    np.testing.assert_allclose(half.latent, single.latent, atol=1e-6)
+    np.testing.assert_allclose(half.solved(), single.solved(), atol=1e-6)

@@ -15,6 +15,7 @@ from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
 from rsvideo.restoration import alignment, device_frame, fusion, multi_frame, nonblind, settings
 from rsvideo.restoration.fusion import PosedImage
 from rsvideo.restoration.movement import Evidence, Movement
+from rsvideo.restoration.predicted_blur import confirmed
 from rsvideo.restoration.rectification import NODES, nodes
 from rsvideo.restoration.settings import Device, Settings
 
@@ -95,12 +96,14 @@ def test_what_neighbours_make_of_a_frame_is_the_processors(pair: tuple[PosedImag
     assert 0.1 < here.shown.mean() < 1
     np.testing.assert_allclose(there.explained, here.explained, atol=0.03)
     np.testing.assert_allclose(there.support, here.support, atol=0.03)
-    assert here.confirmed is not None
-    assert there.confirmed is not None
-    assert there.confirmed.whole == pytest.approx(here.confirmed.whole, abs=0.03)
-    np.testing.assert_allclose(np.median(there.confirmed.about), np.median(here.confirmed.about), atol=0.05)
-    np.testing.assert_allclose(frames[1].to_host(there.latent), here.latent, atol=3e-3)
-    assert np.abs(here.latent - first.latent).max() > 0.02
+    assert here.predicted is not None
+    assert there.predicted is not None
+    found, expected = (confirmed(predicted) for predicted in (there.predicted, here.predicted))
+    assert found.whole == pytest.approx(expected.whole, abs=0.03)
+    np.testing.assert_allclose(np.median(found.about), np.median(expected.about), atol=0.05)
+    latent = here.solved()
+    np.testing.assert_allclose(frames[1].to_host(there.solved()), latent, atol=3e-3)
+    assert np.abs(latent - first.latent).max() > 0.02
 
 
 def test_a_clip_is_the_processors(pair: tuple[PosedImage, PosedImage], monkeypatch: pytest.MonkeyPatch) -> None:
