@@ -22,7 +22,8 @@ from rsvideo.physics.psf import psfs_from_traces
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Spline
 from rsvideo.restoration.point_equations import NODES
-from rsvideo.restoration.tracks import FEWEST, LONGEST, WINDOW, Tracks, halved
+from rsvideo.restoration.resolution import halved_image
+from rsvideo.restoration.tracks import FEWEST, LONGEST, WINDOW, Tracks
 
 FARTHEST = 2.0  # px from where a point was followed to before; what is found farther away is another one
 _INSTANTS = 48  # of an exposure, that a PSF is drawn from
@@ -115,7 +116,7 @@ def _cut(frame: Exposed, points: _Points, lean: Float[np.ndarray, "points side 2
     """The window about each point in a picture so many times as small, its scanlines displaced by `lean`, which is in px of the frame."""
     picture, small = frame.picture, 1
     while small < scale:
-        picture, small = halved(picture), 2 * small
+        picture, small = halved_image(picture), 2 * small
     side = lean.shape[1]
     middle = ((points + 0.5) / scale - 0.5)[:, None] + lean / scale
     away = np.arange(side) - side // 2

@@ -246,7 +246,8 @@ def _corrected(waiting: _Waiting, both: Fused | None) -> Trajectory | None:
     alone, evidence = waiting.restored, waiting.evidence
     if not (alone and evidence and both and both.predicted):
         return None
-    camera, path = alone.view.camera, corrected(alone.trajectory, evidence.doubts, both.predicted, alone.view.camera, evidence.flow)
+    camera = alone.view.camera
+    path = corrected(alone.trajectory, evidence.doubts, both.predicted, camera, evidence.flow)
     far = np.linalg.norm(path.coefficients - alone.trajectory.coefficients) > FAR
     return path if far and not beyond(camera, path) else None
 

@@ -15,6 +15,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
+from rsvideo.restoration.resolution import halved_image
+
 REGION = 25  # px over which beta is measured about a pixel
 INDEPENDENT = 1 / 9  # of these pixels, as noise and errors of neighbours go together over some px
 _Sums = np.ndarray | np.float64  # about each pixel, or over the frame
@@ -33,17 +35,12 @@ class Predicted:
 
     def halved(self) -> "Predicted":
         """Means of two by two pixels, shown where all four are; an odd last row or column is left out."""
-        rows, cols = (side // 2 for side in self.shown.shape)
-
-        def half(image: Float[np.ndarray, "_ _"]) -> Float[np.ndarray, "rows cols"]:
-            return cv2.resize(image[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA)
-
         return Predicted(
-            observed=half(self.observed),
-            target=half(self.target),
-            blurred=half(self.blurred),
-            displaced=half(self.displaced),
-            shown=half(self.shown.astype(np.float32)) == 1,
+            observed=halved_image(self.observed),
+            target=halved_image(self.target),
+            blurred=halved_image(self.blurred),
+            displaced=halved_image(self.displaced),
+            shown=halved_image(self.shown.astype(np.float32)) == 1,
         )
 
 

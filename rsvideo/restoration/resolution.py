@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.scanlines import View
@@ -27,9 +27,15 @@ def halved(view: View) -> View:
     """Means of two by two pixels; an odd last row or column is left out."""
     camera = view.camera.halved()
     rows, cols = camera.intrinsics.rows, camera.intrinsics.cols
-    pixels = cv2.resize(view.pixels[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA).reshape(rows, cols, -1)
+    pixels = halved_image(view.pixels).reshape(rows, cols, -1)
     clipped = view.clipped[: 2 * rows, : 2 * cols].reshape(rows, 2, cols, 2, -1).any(axis=(1, 3))
     return replace(view, pixels=pixels, clipped=clipped, camera=camera)
+
+
+def halved_image(image: Shaped[np.ndarray, "rows cols *channels"]) -> Shaped[np.ndarray, "r c *_"]:
+    """The same of an image alone."""
+    rows, cols = (side // 2 for side in image.shape[:2])
+    return np.asarray(cv2.resize(image[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA))
 
 
 def halved_path(path: Trajectory) -> Trajectory:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
 
-import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -17,6 +16,7 @@ from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.tiles import Tile, split
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.resolution import halved_image
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Device, Settings
 
@@ -185,13 +185,9 @@ def _measured_anew(scene: Scene) -> Scene:
 def _smaller(scene: Scene, times: int) -> Scene:
     """The same, halved so often; its noise is taken to fall as that of independent pixels."""
     for _ in range(times):
-        rows, cols = (n // 2 for n in scene.frame.shape)
-        frame, valid = (
-            cv2.resize(a[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA) for a in (scene.frame, scene.valid)
-        )
         scene = Scene(
-            frame=frame,
-            valid=np.floor(valid),  # where one of four is clipped, the whole is
+            frame=halved_image(scene.frame),
+            valid=np.floor(halved_image(scene.valid)),  # where one of four is clipped, the whole is
             camera=scene.camera.halved(),
             samples=math.ceil(scene.samples / 2),
             tiles=max(1, round(scene.tiles / 2)),

@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from rsvideo.restoration.resolution import halved_image
+
 MOST = 400  # points a frame; origin: by trial
 FEWEST = 24  # below, a pair of frames shows no motion: a cut, or no texture; origin: by trial
 TRACKED = 0.15  # px; how well a point is followed at best
@@ -64,17 +66,11 @@ def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows
     """
     found, scale = _followed(before, after), 1
     while exposed and min(before.shape) >= 2 * SMALLEST and not 0 < exposed * found.moved <= LONGEST * scale:
-        before, after, scale = halved(before), halved(after), 2 * scale
+        before, after, scale = halved_image(before), halved_image(after), 2 * scale
         coarse = _followed(before, after).enlarged(scale)
         if exposed * coarse.moved > LONGEST:  # what moves less would have been found before: two scenes, at a cut
             found = coarse
     return found
-
-
-def halved(picture: UInt8[np.ndarray, "rows cols"]) -> UInt8[np.ndarray, "r c"]:
-    """A picture of half the size, each pixel the mean of four; an odd last row or column is left out."""
-    rows, cols = (side // 2 for side in picture.shape)
-    return np.asarray(cv2.resize(picture[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA))
 
 
 def _followed(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"]) -> Tracks:
