@@ -57,14 +57,13 @@ class CameraPath:
         return np.linalg.inv(self.precision)
 
 
-def windows(path: Spline, begins: float, timing: ShutterTiming) -> Float[np.ndarray, "terms coefficients"]:
-    """M: the spline's coefficients to those of the polynomial nearest to it over the frame that begins at `begins`."""
+def windows(path: Spline, begins: float | Float[np.ndarray, "*n"], timing: ShutterTiming) -> Float[np.ndarray, "*n terms coefficients"]:
+    """M: the spline's coefficients to those of the polynomial nearest to it over the frame that begins at each of `begins`."""
     terms = TERMS
     if isinstance(path, VibratingSpline):  # Legendre polynomials above pi times the number of periods hardly show in a tone
         terms += ceil(np.pi * max(path.frequencies) * timing.interval[1])
     t = np.linspace(*timing.interval, _FIT_POINTS * terms)
-    basis = polynomial(timing, terms, 2).basis(t)
-    return np.linalg.lstsq(basis, path.basis(t + begins), rcond=None)[0]
+    return np.linalg.pinv(polynomial(timing, terms, 2).basis(t)) @ path.basis(t + np.asarray(begins)[..., None])
 
 
 def within(path: Spline, begins: float, timing: ShutterTiming) -> Trajectory:
@@ -227,7 +226,7 @@ def _certainty(path: CameraPath, places: Float[np.ndarray, "places terms"], erro
 def trusted(path: Spline, camera: Camera, *, drift: float, share: float) -> CameraPath:
     """A path that within each frame is right to `drift` px and a `share` of its length there; where it begins is free."""
     timing, pieces = camera.timing, _Pieces.of(path, camera)
-    reaches = np.array([exposure_length(path, t, timing) for t in pieces.begins])
+    reaches = exposure_lengths(path, pieces.begins, timing)
     return CameraPath(spline=path, precision=pieces.precision(drift * timing.exposure / timing.interval[1] + share * reaches))
 
 
@@ -236,9 +235,9 @@ class _Pieces:
     """A path cut into overlapping pieces as long as a frame's interval, and how each of them moves."""
 
     begins: Float[np.ndarray, " pieces"]
-    moves: list[np.ndarray]  # coefficients of the smooth path to those of the polynomial, without the constant
+    moves: Float[np.ndarray, "pieces degrees terms"]  # coefficients of the smooth path to those of the polynomial, without the constant
     spread: Float[np.ndarray, "degrees axes"]  # of these, for a path of 1 px an exposure
-    beside: Float[np.ndarray, "terms axes"]  # precision of the tones' coefficients
+    beside: Float[np.ndarray, "tones axes"]  # precision of the tones' coefficients
 
     @classmethod
     def of(cls, path: Spline, camera: Camera, tones: Sequence[Tone] = ()) -> "_Pieces":
@@ -249,7 +248,7 @@ class _Pieces:
         unit = pose_unit(camera.intrinsics, path.coefficients.shape[1])
         return cls(
             begins=begins,
-            moves=[windows(path.smooth, t, timing)[1:] for t in begins],
+            moves=windows(path.smooth, begins, timing)[:, 1:],
             spread=shake_spread(TERMS - 1, timing)[:, None] * unit,
             beside=1 / (spreads(tones, path) * unit) ** 2,
         )
@@ -260,19 +259,19 @@ class _Pieces:
         """Of the path's coefficients, row by row, if each piece moves by `reaches` px an exposure; where it begins is free."""
         unit = self.spread[0] / self.spread[0, 0]
         stiffness = np.full(len(reaches), STIFFNESS) if stiffness is None else stiffness
-        smooth = np.diag(np.tile(FREE / unit**2, self.moves[0].shape[1])) + self._smoothness(reaches, stiffness)
+        smooth = np.diag(np.tile(FREE / unit**2, self.moves.shape[2])) + self._smoothness(reaches, stiffness)
         return np.asarray(block_diag(smooth, np.diag(self.beside.ravel())))
 
     def _smoothness(
         self, reaches: Float[np.ndarray, " pieces"], stiffness: Float[np.ndarray, " pieces"]
     ) -> Float[np.ndarray, "unknowns unknowns"]:
         """What the prior adds to the precision of the smooth path's coefficients, row by row."""
-        axes, terms = self.spread.shape[1], self.moves[0].shape[1]
-        added = np.zeros((terms * axes, terms * axes))
-        for m, reach, stiff in zip(self.moves, reaches, stiffness, strict=True):
-            for a in range(axes):
-                added[a::axes, a::axes] += stiff * m.T @ (m / (reach * self.spread[:, a, None]) ** 2)
-        return added
+        axes, terms = self.spread.shape[1], self.moves.shape[2]
+        added = np.zeros((terms, axes, terms, axes))
+        moves, expected = self.moves.reshape(-1, terms), reaches[:, None, None] * self.spread
+        for a, weight in enumerate(np.moveaxis(stiffness[:, None, None] / expected**2, 2, 0)):
+            added[:, a, :, a] = (moves * weight.reshape(-1, 1)).T @ moves
+        return added.reshape(terms * axes, terms * axes)
 
     def stiffness(
         self,
@@ -285,7 +284,7 @@ class _Pieces:
         A hand jerks now and then: a piece of more energy than others counts less. What all pieces are believed to have together is what
         the path shows (expectation maximisation, with the belief before it as BELIEVED unknowns more).
         """
-        energies = np.array([((m @ path / (r * self.spread)) ** 2).sum() for m, r in zip(self.moves, reaches, strict=True)])
+        energies = ((self.moves @ path / (reaches[:, None, None] * self.spread)) ** 2).sum(axis=(1, 2))
         weights = 1 / (1 + energies / (JERK * max(float(np.median(energies)), _ROUNDING)))
         believed = self._smoothness(reaches, weights)
         shown = path.ravel() @ believed @ path.ravel() + np.sum(believed * covariance[: path.size, : path.size])
@@ -294,12 +293,13 @@ class _Pieces:
 
 def _reaches(path: Spline, begins: Float[np.ndarray, " pieces"], timing: ShutterTiming) -> Float[np.ndarray, " pieces"]:
     """How far each piece is believed to move in one exposure: as far as its neighbours, or a piece at a run's free end would run away."""
-    return median_filter(np.array([exposure_length(path, t, timing) for t in begins]), size=NEIGHBOURS, mode="mirror")
+    return median_filter(exposure_lengths(path, begins, timing), size=NEIGHBOURS, mode="mirror")
 
 
-def exposure_length(path: Spline, begins: float, timing: ShutterTiming) -> float:
-    """The length in px of the path within one exposure, from its mean speed about a frame's middle; not less than 4 px a frame."""
+def exposure_lengths(path: Spline, begins: Float[np.ndarray, " n"], timing: ShutterTiming) -> Float[np.ndarray, " n"]:
+    """The lengths in px of the path within one exposure each, from its mean speed about the middles of frames that begin so; not less
+    than 4 px a frame."""
     window = max(timing.exposure, timing.interval[1] / 2)  # the speed of a short exposure alone is noise
-    t = begins + timing.middle + window * np.linspace(-0.5, 0.5, _SPEED_POINTS)
-    travelled = float(np.linalg.norm(np.diff(path.at(t)[:, :2], axis=0), axis=1).sum())
-    return timing.exposure * max(travelled / window, LEAST_REACH / timing.interval[1])
+    t = (begins + timing.middle)[:, None] + window * np.linspace(-0.5, 0.5, _SPEED_POINTS)
+    travelled = np.linalg.norm(np.diff(path.at(t)[..., :2], axis=1), axis=2).sum(axis=1)
+    return timing.exposure * np.maximum(travelled / window, LEAST_REACH / timing.interval[1])

@@ -30,7 +30,7 @@ from rsvideo.restoration.camera_path import (
     blur_certainties,
     certainties,
     doubts,
-    exposure_length,
+    exposure_lengths,
     follow,
     polynomial,
     unexplained,
@@ -247,7 +247,8 @@ def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
 
 def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
     """The path refined by the blur of those of the `frames` that are blurred."""
-    lengths = {k: exposure_length(path.spline, run.opens(k), run.timing(k)) for k in np.flatnonzero(frames).tolist()}
+    followed = np.flatnonzero(frames).tolist()
+    lengths = {k: exposure_lengths(path.spline, np.array([run.opens(k)]), run.timing(k)).item() for k in followed}
     blurred = [k for k, length in lengths.items() if length > BLURRED]
     scenes = [scene_at(run, k, None, lengths[k]) for k in blurred]
     return refine(scenes, [run.opens(k) for k in blurred], path, steps=run.effort.blur_steps) if blurred else path

@@ -36,7 +36,6 @@ from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
 from rsvideo.restoration.vibration import exposed
 
-RATIO = 1.25  # from one exposure that is tried to the next
 FINER = 12  # steps of equal ratios between these, at which misfits are interpolated
 SHORTEST = 1 / 64  # of a frame's period, the shortest one
 FRAMES = 16  # with most motion, from whose blur a clip's exposure is measured
@@ -189,7 +188,7 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
     """What the blur of some frames says of exposures up to a period, with misfits between those that are compared interpolated."""
     if len(frames) < FEWEST:
         return Unclear(reason="too few of its frames could be followed from one to the next")
-    exposures = period * np.geomspace(SHORTEST, 1, 1 + round(-np.log(SHORTEST) / np.log(RATIO)))
+    exposures = period * np.geomspace(SHORTEST, 1, 1 + round(-np.log(SHORTEST) / np.log(run.effort.exposure_ratio)))
     if missing := [k for k in frames if k not in run.misfits]:
         flows = beside(run, path)
         found = threads.each(lambda k: _misfits(run, path, k, flows[k], exposures), missing)
@@ -251,7 +250,9 @@ def _middle_length(run: Run, path: CameraPath, frames: Sequence[int], exposure: 
 
 def _misfits(run: Run, path: CameraPath, k: int, flow: Flow | None, exposures: Float[np.ndarray, " tried"]) -> Float[np.ndarray, " shown"]:
     """m_k of exposures, whose ratio from one to the next is a; of none where the frame has no texture."""
-    lengths = np.array([_length(run, path, k, e) for e in exposures])
+    ratio = float(exposures[1] / exposures[0])
+    cuts = [(float(e), _covered(run, path, k, float(e))) for e in (exposures[0] / ratio, *exposures, exposures[-1] * ratio)]
+    lengths = np.array([longest(run.camera.exposed(e), cut) for e, cut in cuts[1:-1]])
     scene = scene_at(run, k, flow, lengths[-1] / 2)  # in its patches, blur of half the longest exposure has room
     if not (observed := patches(scene)):
         return np.zeros(0)
@@ -259,22 +260,22 @@ def _misfits(run: Run, path: CameraPath, k: int, flow: Flow | None, exposures: F
     cols = max(run.effort.exposure_pixels // len(scene.frame), TILED_COLS)
     part = replace(windowed(scene, cols), tiles=1) if cols < scene.frame.shape[1] else scene
 
-    def taken(columns: Scene, exposure: float) -> tuple[Scene, Trajectory]:
-        return replace(columns, camera=columns.camera.exposed(exposure)), _covered(run, path, k, exposure)
+    def taken(columns: Scene, exposure: float) -> Scene:
+        return replace(columns, camera=columns.camera.exposed(exposure))
 
-    def by_spectra(exposure: float) -> float:
-        shown, cut = taken(scene, exposure)
+    def by_spectra(exposure: float, cut: Trajectory) -> float:
+        shown = taken(scene, exposure)
         turned = replace(shown, flow=shown.flow and shown.flow.across)
         along, beside_it = (Spectrum(scene=each, patches=observed, curve=cut) for each in (shown, turned))
         return along.value(cut) - SOFTNESS * beside_it.value(across(cut))
 
-    def sparsity_of(exposure: float) -> float:
-        shown, cut = taken(part, exposure)
+    def sparsity_of(exposure: float, cut: Trajectory) -> float:
+        shown = taken(part, exposure)
         return sparsity.value(sampled(shown, cut), cut, shown.search_ridge)
 
-    tried, ratio, sharp = exposures.tolist(), float(exposures[1] / exposures[0]), np.zeros(len(exposures))
+    sharp = np.zeros(len(exposures))
     first = int(np.argmax(lengths >= FAINT))
     if lengths[first] >= FAINT:
-        sparse = np.array([sparsity_of(e) for e in (tried[first] / ratio, *tried[first:], tried[-1] * ratio)])
+        sparse = np.array([sparsity_of(*cut) for cut in cuts[first:]])  # from the exposure before
         sharp[first:] = (sparse[:-2] + sparse[2:]) / 2 - sparse[1:-1]
-    return np.array([by_spectra(e) for e in tried]) - FOCUSED * np.tanh(sharp / FULL_VOTE)
+    return np.array([by_spectra(*cut) for cut in cuts[1:-1]]) - FOCUSED * np.tanh(sharp / FULL_VOTE)

@@ -71,7 +71,7 @@ class Pair:
 
     def residual(self, coefficients: Float[np.ndarray, "terms axes"]) -> Float[np.ndarray, "points 2"]:
         """What a path leaves of how far the camera seems to have moved."""
-        return self.moved - np.einsum("nca,nt,ta->nc", self.levers, self.design, coefficients)
+        return self.moved - np.einsum("nca,na->nc", self.levers, self.design @ coefficients)
 
     def weights(self, coefficients: Float[np.ndarray, "terms axes"], field: Float[np.ndarray, " fields"]) -> Float[np.ndarray, " points"]:
         """Of the points, in 1 / px^2: by how well they fit the path and a field (Cauchy), and as if a few were independent."""
@@ -83,7 +83,8 @@ class Pair:
         self, weight: Float[np.ndarray, " points"], variance: Float[np.ndarray, " fields"]
     ) -> Float[np.ndarray, "fields fields"]:
         """Of the pair's field, for a given path."""
-        return np.linalg.inv(np.diag(1 / variance) + np.einsum("ncf,n,ncg->fg", self.fields, weight, self.fields, optimize=True))
+        fields = self.fields.reshape(2 * len(weight), -1)
+        return np.linalg.inv(np.diag(1 / variance) + (fields.T * np.repeat(weight, 2)) @ fields)
 
     def system(
         self, weight: Float[np.ndarray, " points"], common: Float[np.ndarray, " fields"], variance: Float[np.ndarray, " fields"]
@@ -124,7 +125,7 @@ class System:
         """How uncertain the field is, if the path has this covariance."""
         by_path = self.covariance @ self.across
         touched = covariance[np.ix_(self.unknowns, self.unknowns)]
-        return np.diag(self.covariance) + np.einsum("fu,uv,fv->f", by_path, touched, by_path, optimize=True)
+        return np.diag(self.covariance) + (by_path @ touched * by_path).sum(axis=1)
 
 
 def _fields(camera: Camera, points: Float[np.ndarray, "points 2"]) -> Float[np.ndarray, "points 2 fields"]:
