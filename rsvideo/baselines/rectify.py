@@ -42,8 +42,8 @@ def straightened(view: View, path: Trajectory | None, *, flow: Flow | None = Non
     verdict, straight = Verdict.NO_TEXTURE if path is None else Verdict.SHARP, view
     if path is not None and timing.row_time > 0:
         at = sources(path, flow, view.camera)
-        rows, cols = at.shape[:2]
-        if max(np.abs(at[..., 0] - np.arange(cols)).max(), np.abs(at[..., 1] - np.arange(rows)[:, None]).max()) > STILL:
+        _, rows, cols = at.shape
+        if max(np.abs(at[0] - np.arange(cols)).max(), np.abs(at[1] - np.arange(rows)[:, None]).max()) > STILL:
             verdict, straight = Verdict.RESTORED, resampled(view, at)
     result = scanlines.result(
         view,

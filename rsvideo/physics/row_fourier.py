@@ -146,9 +146,9 @@ class Grid:
 
     def extended(self, image: Float[np.ndarray, "*images rows cols"]) -> Float[np.ndarray, "*images latent_rows period"]:
         """A picture of the frame's size continued from its borders over the latent image's."""
-        down = np.clip(np.arange(self.latent_rows) - self.top, 0, image.shape[-2] - 1)
-        across = np.clip(np.arange(self.period) - self.left, 0, image.shape[-1] - 1)
-        return image[..., down[:, None], across]
+        *images, rows, cols = image.shape
+        beyond = (self.top, self.latent_rows - self.top - rows), (self.left, self.period - self.left - cols)
+        return np.pad(image, [*((0, 0) for _ in images), *beyond], mode="edge")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

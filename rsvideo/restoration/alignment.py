@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from numpy.polynomial import legendre
 
 from rsvideo.physics.luminance import LIFT
-from rsvideo.restoration.rectification import between
+from rsvideo.restoration.nodes import between
 
 BENDS = 4  # terms along the rows of what is left between two frames' poses: each path's own error within its frame
 SOFT = 1.2  # px, of the Gaussian under which two frames are compared
@@ -36,11 +36,6 @@ def grey(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "r
 def softened(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
     """A picture as it is compared."""
     return cv2.GaussianBlur(np.sqrt(np.maximum(grey(image), 0) + LIFT), (0, 0), SOFT)
-
-
-def axes(at: Float[np.ndarray, "rows cols 2"]) -> Float[np.ndarray, "2 rows cols"]:
-    """Places, x and y apart."""
-    return np.ascontiguousarray(np.moveaxis(at, -1, 0), np.float32)
 
 
 def sampled(image: np.ndarray, at: Float[np.ndarray, "2 rows cols"], how: int) -> np.ndarray:
@@ -88,15 +83,15 @@ def misaligned(
     thin = np.s_[EDGE : rows - EDGE : step, EDGE : cols - EDGE : step]
     basis, across = bends(rows), np.linspace(-0.5, 0.5, cols)
     p, wide = basis[thin[0]], across[thin[1]].astype(np.float32)
-    observed, start = first[thin], between(at[thin[0]].astype(np.float32), columns)[:, thin[1]]
+    observed, start = first[thin], between(at[thin[0]].astype(np.float32), columns)[..., thin[1]]
     gradients = cv2.Sobel(other, -1, 1, 0, scale=1 / 8), cv2.Sobel(other, -1, 0, 1, scale=1 / 8)
 
     def moved(found: np.ndarray, middle: np.ndarray, side: np.ndarray) -> np.ndarray:
-        constant, changing = np.swapaxes(found @ middle.T, 1, 2)
-        return constant[:, None] + changing[:, None] * side[:, None]
+        constant, changing = (found @ middle.T)[..., None]
+        return constant + changing * side
 
     def sums(found: Float[np.ndarray, "2 2 terms"]) -> Sums:
-        place = axes(start + moved(found, p, wide))
+        place = np.asarray(start + moved(found, p, wide), np.float32)
         gx, gy, shown = (sampled(image, place, cv2.INTER_LINEAR) for image in (*gradients, other))
         apart = observed - shown
         weight = 1 / (1 + (apart / (OUTLIER * np.median(np.abs(apart)) + LEAST_DIFFERENCE)) ** 2)
@@ -104,4 +99,4 @@ def misaligned(
         by_row = np.matmul((slopes * weight).swapaxes(0, 1), slopes.transpose(1, 2, 0))
         return by_row, (slopes * weight * apart).sum(axis=2).T
 
-    return moved(least_squares(rows, step, sums), basis, across[columns])
+    return np.moveaxis(moved(least_squares(rows, step, sums), basis, across[columns]), 0, -1)

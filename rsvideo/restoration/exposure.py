@@ -36,6 +36,7 @@ from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
 from rsvideo.restoration.vibration import exposed
 
+RATIO = 1.25  # from one exposure that is tried to the next
 FINER = 12  # steps of equal ratios between these, at which misfits are interpolated
 SHORTEST = 1 / 64  # of a frame's period, the shortest one
 FRAMES = 16  # with most motion, from whose blur a clip's exposure is measured
@@ -188,7 +189,7 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
     """What the blur of some frames says of exposures up to a period, with misfits between those that are compared interpolated."""
     if len(frames) < FEWEST:
         return Unclear(reason="too few of its frames could be followed from one to the next")
-    exposures = period * np.geomspace(SHORTEST, 1, 1 + round(-np.log(SHORTEST) / np.log(run.effort.exposure_ratio)))
+    exposures = period * np.geomspace(SHORTEST, 1, 1 + round(-np.log(SHORTEST) / np.log(RATIO)))
     if missing := [k for k in frames if k not in run.misfits]:
         flows = beside(run, path)
         found = threads.each(lambda k: _misfits(run, path, k, flows[k], exposures), missing)

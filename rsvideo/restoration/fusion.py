@@ -23,10 +23,10 @@ from rsvideo.physics.camera import Intrinsics, resampled_at
 from rsvideo.physics.channels import least_channel
 from rsvideo.physics.luminance import LIFT
 from rsvideo.restoration import alignment, device_frame
-from rsvideo.restoration.alignment import axes, grey, misaligned, sampled, softened
+from rsvideo.restoration.alignment import grey, misaligned, sampled, softened
 from rsvideo.restoration.blurred_frame import BlurredFrame
+from rsvideo.restoration.nodes import NODES, between, nodes
 from rsvideo.restoration.predicted_blur import Predicted
-from rsvideo.restoration.rectification import NODES, between, nodes
 
 RIDGE = 0.6  # rho; origin: by trial
 FAINTEST = 0.15  # of the frame's own weight; neighbours that weigh less are left out; origin: by trial
@@ -224,8 +224,8 @@ def _at_pose(
     x, y = np.meshgrid(columns.astype(float), np.arange(rows, dtype=float))
     at = resampled_at(intrinsics, first.pose - other.pose, x, y)
     at = between((at + misaligned(soft, softened(other.latent), at, columns)).astype(np.float32), columns)
-    there = np.asarray(((at >= EDGE) & (at <= np.array([cols, rows], np.float32) - 1 - EDGE)).all(axis=-1))
-    at = axes(at)  # the image takes the memory of what it is made from
+    sides = np.array([cols, rows], np.float32)[:, None, None]
+    there = np.asarray(((at >= EDGE) & (at <= sides - 1 - EDGE)).all(axis=0))
     image = sampled(other.latent, at, cv2.INTER_LANCZOS4)
     np.clip(image, 0, 1, out=image)
     np.copyto(image, first.latent, where=~there[..., None])

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
-from typing import Any, Literal
+from typing import Any, Literal, no_type_check
 
 import cv2
 import numpy as np
@@ -32,6 +32,7 @@ from rsvideo.solvers.collaborative_filter import Matches, denoise, match
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.total_variation import LatentUpdate
 from rsvideo.solvers.total_variation import total_variation as admm
+from rsvideo.threads import loop, spread
 
 WIDEST = 512  # columns of a tile, its overlaps aside: tiles are worked on side by side, and small ones stay in the processor's caches
 LARGEST = 8e8  # bytes of a tile's systems; a frame whose tiles need more together has them made anew on each pass
@@ -72,12 +73,17 @@ class TileSystem:
         """rho |d_x(f)|^2 + floor, the diagonal part of rho D^T D + floor I."""
         return (rho * self.op.difference_power + floor).astype(np.float32)
 
-    def complete(self, blurred: Float[np.ndarray, "*channels rows period"]) -> Float[np.ndarray, "*channels rows period"]:
-        """The frame where it is data, K l elsewhere; a clipped pixel is at least as bright as it reads."""
-        out = blurred.copy()
-        own = out[..., self.op.left : self.op.left + self.op.cols]
-        np.maximum(own, self.frame, out=own)
-        np.copyto(own, self.frame, where=self.valid > 0)
+    def complete(
+        self,
+        blurred: Float[np.ndarray, "*channels rows period"],
+        before: Float[np.ndarray, "*channels rows period"] | None = None,
+        ahead: float = 0.0,
+    ) -> Float[np.ndarray, "*channels rows period"]:
+        """The frame where it is data, K l elsewhere, carried on `ahead` of its step from what was completed `before`; a clipped pixel is
+        at least as bright as it reads."""
+        out = np.empty_like(blurred)
+        rows = [each.reshape(-1, each.shape[-1]) for each in (self.frame, self.valid, blurred, blurred if before is None else before, out)]
+        spread(_completed, len(rows[0]), *map(np.ascontiguousarray, rows[:4]), np.float32(ahead), self.op.left, rows[4], size=out.nbytes)
         return out
 
     def crop(self, latent: Float[np.ndarray, "*channels latent_rows period"]) -> Float[np.ndarray, "*channels rows cols"]:
@@ -87,6 +93,17 @@ class TileSystem:
     def blurred(self, latent: Float[np.ndarray, "*channels latent_rows period"]) -> Float[np.ndarray, "*channels rows period"]:
         """K l."""
         return self.op.image(self.op.forward(self.op.spectrum(latent)))
+
+
+@no_type_check
+@loop(fastmath=False)
+def _completed(first, last, frame, valid, blurred, before, ahead, left, out):
+    """Of each row."""
+    for r in range(first, last):
+        for c in range(blurred.shape[1]):
+            out[r, c] = blurred[r, c] + ahead * (blurred[r, c] - before[r, c])
+        for c in range(frame.shape[1]):
+            out[r, left + c] = frame[r, c] if valid[r, c] > 0 else max(out[r, left + c], frame[r, c])
 
 
 def tile_system(
@@ -109,7 +126,7 @@ def exact_update(system: TileSystem, rho: float) -> LatentUpdate[np.ndarray]:
     def update(data: np.ndarray, h: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         spectrum = factor.solve(op.adjoint(op.spectrum(data)) + op.spectrum(np.float32(rho) * h))
         blurred = op.image(op.forward(spectrum))
-        return op.image(spectrum), system.complete(blurred + np.float32(TV_AHEAD) * (blurred - data))
+        return op.image(spectrum), system.complete(blurred, data, TV_AHEAD)
 
     return update
 

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Real
 from scipy import linalg
 from scipy.spatial.distance import cdist
 
@@ -25,6 +25,7 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tiles import Tile
 from rsvideo.physics.trajectory import Trajectory
+from rsvideo.restoration.nodes import nodes
 from rsvideo.restoration.tracks import TRACKED
 
 SPEEDS = (0.5, 2.0, 8.0)  # px in the points' time, s T
@@ -61,9 +62,7 @@ class Flow:
 
     def displacement(self, column: float, timing: ShutterTiming, samples: int) -> Float[np.ndarray, "rows samples 2"]:
         """How far this motion moves where the scanlines sample the latent image at a column, over their exposures."""
-        rows = np.arange(timing.rows, dtype=float)
-        velocity = self.at(np.stack([np.full(len(rows), column), rows], axis=-1))
-        return (timing.middle - timing.sample_times(samples))[..., None] * velocity[:, None]
+        return (timing.middle - timing.sample_times(samples))[..., None] * self.everywhere(np.array([column]), timing.rows)
 
     def tiles_needed(self, camera: Camera, tolerance: float) -> int:
         """How many column tiles keep what the motion at a tile's middle leaves of a blur at its edge below `tolerance` px."""
@@ -95,6 +94,12 @@ class Flow:
     def at(self, places: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """px/s at each place (column, row)."""
         return _kernel(places, self.points, self.length) @ self.weights
+
+    def everywhere(self, columns: Real[np.ndarray, " columns"], rows: int) -> Float[np.ndarray, "rows columns 2"]:
+        """The same in these columns, from every few rows."""
+        some = nodes(rows)
+        found = self.at(np.stack(np.meshgrid(columns, some), axis=-1).reshape(-1, 2).astype(float)).reshape(len(some), -1)
+        return np.stack([np.interp(np.arange(rows), some, column) for column in found.T], axis=1).reshape(rows, len(columns), 2)
 
 
 def displacement(tile: Tile, path: Trajectory, flow: Flow | None, camera: Camera, samples: int) -> Float[np.ndarray, "rows samples 2"]:

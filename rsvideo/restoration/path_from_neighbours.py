@@ -28,9 +28,10 @@ from numpy.polynomial import legendre
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.extent import longest
+from rsvideo.restoration.nodes import nodes
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.predicted_blur import INDEPENDENT, Predicted
-from rsvideo.restoration.rectification import everywhere, nodes, sampled_at
+from rsvideo.restoration.rectification import sampled_at
 from rsvideo.restoration.resolution import halved_path
 from rsvideo.restoration.trust import between
 
@@ -78,13 +79,13 @@ def changes(
     poses = path.at(times) - path.at(np.array([camera.timing.middle]))
     apart = path.basis(times) @ moves[:, None, :, :2]  # (doubts, rows, samples, 2)
     apart = (apart - apart.mean(axis=2, keepdims=True)).astype(np.float32) / times.shape[1]
-    drift = flow and everywhere(flow, nodes(cols), rows)
+    drift = flow and flow.everywhere(nodes(cols), rows)
     steps = np.diff(target, axis=1, append=target[:, -1:]), np.diff(target, axis=0, append=target[-1:])
     bent, slopes = np.zeros((len(moves), rows, cols), np.float32), np.zeros((2, rows, cols), np.float32)
     for s in range(times.shape[1]):
         at = sampled_at(poses[:, s], times[:, s] - camera.timing.middle, camera, drift)
         for axis, step in enumerate(steps):
-            x, y = (np.ascontiguousarray(at[..., a]) - np.float32(0.5 * (a == axis)) for a in range(2))  # a step lies between two pixels
+            x, y = (place - np.float32(0.5 * (a == axis)) for a, place in enumerate(at))  # a step lies between two pixels
             slope = cv2.remap(step, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             slopes[axis] += slope / np.float32(times.shape[1])
             bent += apart[:, :, s, axis, None] * slope

@@ -9,6 +9,7 @@ from jaxtyping import Float, Float32, Int
 from rsvideo.physics.camera import Camera, turned
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration import device_frame
+from rsvideo.restoration.nodes import NODES, between, nodes
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Device
@@ -17,7 +18,6 @@ Share = tuple[Float[np.ndarray, "scanlines along channels"], Float[np.ndarray, "
 """A latent image, and its share in what is shown, 0 to 1: of all pixels, or (scanlines, along, 1)."""
 
 _SAMPLES = 16  # of a row's exposure, over which its pose is averaged
-NODES = 16  # px between the columns whose pixels are followed exactly; at 20 px of motion those between are off by 0.001 px
 _FEW_ROWS = 256  # of which pixels are followed on a GPU, at least; those between are off by 0.01 px where a hand shakes 10 px at 100 Hz
 _CLOSE = 1e-3  # px
 _ROUNDS = 40  # of the fixed point; a row that moves by 0.5 px while the next is read still needs 10
@@ -60,7 +60,7 @@ def straightened(
         drift = None if path is None else _followed(path, flow, view.camera, rows, columns) - _grid(rows, columns)
         return device_frame.straightened(pixels, drift, (step, NODES), moved, latent)
     if path is not None:
-        pixels = pixels + np.float32(moved) * (_lanczos(pixels, *_apart(sources(path, flow, view.camera))) - pixels)
+        pixels = pixels + np.float32(moved) * (_lanczos(pixels, *sources(path, flow, view.camera)) - pixels)
     return pixels if latent is None else mixed(pixels, *latent)
 
 
@@ -79,8 +79,8 @@ def read_out(
     """What a rolling shutter without blur reads of a global shutter's image, each scanline at its pose: the inverse of `rectified`."""
     timing = camera.timing
     when = timing.row_start() + timing.exposure / 2 - timing.middle
-    at = sampled_at(poses, when, camera, flow and everywhere(flow, nodes(camera.intrinsics.cols), camera.intrinsics.rows))
-    return _lanczos(np.asarray(image, np.float32), *_apart(at))
+    drift = flow and flow.everywhere(nodes(camera.intrinsics.cols), camera.intrinsics.rows)
+    return _lanczos(np.asarray(image, np.float32), *sampled_at(poses, when, camera, drift))
 
 
 def sampled_at(
@@ -88,9 +88,9 @@ def sampled_at(
     when: Float[np.ndarray, " scanlines"],
     camera: Camera,
     drift: Float[np.ndarray, "scanlines nodes 2"] | None,
-) -> Float32[np.ndarray, "scanlines along 2"]:
-    """Where a global shutter's image is sampled by scanlines, each at its pose, so many seconds from the middle of the frame's interval;
-    `drift` is `everywhere` of the field beside the path."""
+) -> Float32[np.ndarray, "2 scanlines along"]:
+    """Where a global shutter's image is sampled by scanlines, each at its pose, so many seconds from the middle of the frame's interval:
+    the columns, and the rows. `drift` is the field beside the path."""
     lens, columns = camera.intrinsics, nodes(camera.intrinsics.cols)
     home = _grid(np.arange(lens.rows), columns)
     at = home + turned(lens, home[..., 0], home[..., 1], np.broadcast_to(poses[:, None], (*home.shape[:2], poses.shape[1])))
@@ -99,8 +99,8 @@ def sampled_at(
     return between(at.astype(np.float32), columns)
 
 
-def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.ndarray, "scanlines along 2"]:
-    """Where the frame shows each pixel of the rectified one.
+def sources(path: Trajectory, flow: Flow | None, camera: Camera) -> Float32[np.ndarray, "2 scanlines along"]:
+    """Where the frame shows each pixel of the rectified one: its column, and its row.
 
     Pixel q of the scanline r(q) shows q + w(q; p) with the mean pose p of that scanline's exposure, relative to the pose of the
     middle. Of a rectified pixel X it is q = X + w(X; -p(r(q))) + t(r(q)) u(X), the fixed point of taking r from the last q; t is
@@ -117,7 +117,7 @@ def _followed(
     timing, lens, poses = camera.timing, camera.intrinsics, scanline_poses(path, camera)
     at = home = _grid(rows, columns)
     x, y = home[..., 0], home[..., 1]
-    drift = everywhere(flow, columns, lens.rows)[rows] if flow else np.zeros((1, 1, 2))
+    drift = flow.everywhere(columns, lens.rows)[rows] if flow else np.zeros((1, 1, 2))
     for _ in range(_ROUNDS):
         scanline = np.clip(at[..., 1], 0, timing.rows - 1)
         pose = np.stack([np.interp(scanline, np.arange(timing.rows), p) for p in poses.T], axis=-1)
@@ -132,36 +132,11 @@ def _grid(rows: Int[np.ndarray, " rows"], columns: Int[np.ndarray, " columns"]) 
     return np.stack(np.meshgrid(columns.astype(float), rows.astype(float)), axis=-1)
 
 
-def nodes(count: int, step: int = NODES) -> Int[np.ndarray, " nodes"]:
-    """The columns, or rows, whose pixels are followed exactly: every `step` px, and the last."""
-    return np.unique(np.r_[np.arange(0, count, step), count - 1])
-
-
-def between(at: Float32[np.ndarray, "rows nodes 2"], columns: Int[np.ndarray, " nodes"]) -> Float32[np.ndarray, "rows cols 2"]:
-    """Places of every column, from those of the nodes by linear interpolation."""
-    every = np.arange(columns[-1] + 1)
-    low = np.clip(np.searchsorted(columns, every, side="right") - 1, 0, max(len(columns) - 2, 0))
-    high = np.minimum(low + 1, len(columns) - 1)
-    share = ((every - columns[low]) / np.maximum(columns[high] - columns[low], 1))[:, None].astype(np.float32)
-    return at[:, low] + share * (at[:, high] - at[:, low])
-
-
-def everywhere(flow: Flow, columns: np.ndarray, rows: int) -> Float[np.ndarray, "rows columns 2"]:
-    """The field in these columns, from that of every few rows."""
-    some = nodes(rows)
-    found = flow.at(np.stack(np.meshgrid(columns, some), axis=-1).reshape(-1, 2).astype(float)).reshape(len(some), -1)
-    return np.stack([np.interp(np.arange(rows), some, column) for column in found.T], axis=1).reshape(rows, len(columns), 2)
-
-
-def resampled(view: View, at: Float[np.ndarray, "rows cols 2"]) -> View:
+def resampled(view: View, at: Float[np.ndarray, "2 rows cols"]) -> View:
     """The frame with each pixel taken from its place in `at` (Lanczos, in linear light)."""
-    clipped, (x, y) = view.clipped.astype(np.float32), _apart(at)
+    clipped, (x, y) = view.clipped.astype(np.float32), at
     beyond = cv2.remap(clipped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(1.0,) * 4).reshape(clipped.shape)
     return replace(view, pixels=_lanczos(view.pixels, x, y), clipped=beyond > 0)
-
-
-def _apart(at: Float[np.ndarray, "rows cols 2"]) -> tuple[np.ndarray, np.ndarray]:
-    return np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
 
 
 def _lanczos(image: np.ndarray, x: Float[np.ndarray, "rows cols"], y: Float[np.ndarray, "rows cols"]) -> np.ndarray:

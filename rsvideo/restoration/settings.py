@@ -17,22 +17,13 @@ class Effort:
     heats: tuple[tuple[int, bool, int], ...]  # of a still's candidate paths: steps, on all columns?, how many go on
     blur_steps: int  # of L-BFGS, in which blur refines a clip's path
     exposure_pixels: int = 480 * 1080  # of a clip's frame, whose focus shows its exposure: 480 columns of so many rows
-    exposure_ratio: float = 1.25  # from one exposure of a clip that is tried to the next
     neighbours: int  # frames on either side that one of a clip is restored with
-    tv_steps: int  # of ADMM where total variation is the prior
+    tv_steps: int  # of ADMM where nothing is denoised
     splittings: int  # denoisings of the final image, of which a frame that neighbours help gets the last; 0: what they start from
 
 
 EFFORTS: dict[Quality, Effort] = {
-    "draft": Effort(
-        heats=((3, False, 4), (5, True, 4)),
-        blur_steps=2,
-        exposure_pixels=480 * 135,
-        exposure_ratio=1.4,
-        neighbours=1,
-        tv_steps=TV_FIRST_STEPS,
-        splittings=0,
-    ),
+    "draft": Effort(heats=((3, False, 4), (5, True, 4)), blur_steps=2, exposure_pixels=480 * 135, neighbours=1, tv_steps=7, splittings=0),
     "normal": Effort(heats=((3, False, 6), (5, False, 4), (5, True, 6)), blur_steps=6, neighbours=3, tv_steps=50, splittings=4),
     "best": Effort(heats=((3, False, 12), (5, False, 8), (5, True, 8)), blur_steps=12, neighbours=5, tv_steps=100, splittings=8),
 }
@@ -81,7 +72,7 @@ class Settings:
     @property
     def tv_steps(self) -> int:
         """Of ADMM, for the final image or for what the denoiser starts from."""
-        return self.effort.tv_steps if self.prior == "tv" else TV_FIRST_STEPS
+        return TV_FIRST_STEPS if self.splittings else self.effort.tv_steps
 
     @property
     def final_mu(self) -> float:

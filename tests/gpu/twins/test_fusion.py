@@ -15,8 +15,8 @@ from rsvideo.physics.trajectory import Polynomial, Trajectory, centred
 from rsvideo.restoration import alignment, device_frame, fusion, multi_frame, nonblind, settings
 from rsvideo.restoration.fusion import PosedImage
 from rsvideo.restoration.movement import Evidence, Movement
+from rsvideo.restoration.nodes import NODES, nodes
 from rsvideo.restoration.predicted_blur import confirmed
-from rsvideo.restoration.rectification import NODES, nodes
 from rsvideo.restoration.settings import Device, Settings
 
 LARGE = not arrays.SIMULATED

@@ -6,7 +6,7 @@ import pytest
 
 from rsvideo.gpu import arrays, resampling
 from rsvideo.gpu.arrays import to_host, xp
-from rsvideo.restoration.rectification import NODES, between, nodes
+from rsvideo.restoration.nodes import NODES, between, nodes
 
 LARGE = not arrays.SIMULATED
 ROWS, COLS = (270, 333) if LARGE else (19, 23)
@@ -74,7 +74,7 @@ def test_places_between_nodes_are_the_processors(by_row: bool) -> None:
     shift = RNG.uniform(-1, 1, (2, 2, ROWS))
     side = np.linspace(-0.5, 0.5, COLS)[columns]
     moved = (shift[0][:, :, None] + shift[1][:, :, None] * side).transpose(1, 2, 0)
-    expected = between((np.stack([x, y], axis=-1) + bent + moved).astype(np.float32), columns).transpose(2, 0, 1)
+    expected = between((np.stack([x, y], axis=-1) + bent + moved).astype(np.float32), columns)
     how = bent[rows], (1 if by_row else NODES, NODES), (ROWS, COLS), shift
     np.testing.assert_allclose(to_host(resampling.places(*how)), expected, atol=1e-4)
     np.testing.assert_allclose(to_host(resampling.places(*how, (3, 2))), expected[:, 3:-3:2, 3:-3:2], atol=1e-4)
