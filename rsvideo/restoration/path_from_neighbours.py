@@ -37,6 +37,7 @@ from rsvideo.restoration.trust import between
 
 LARGEST = 960  # px, the longer side at most of the frame in which this is measured
 LEAST_SAMPLES = 8  # of an exposure
+AT_ONCE = 8  # of them, whose slopes are held
 BENDS = 4  # terms along the scanlines of where they lie
 SOFT = 0.7  # px, of the Gaussian under which curvatures are taken
 BLOCKS = 6, 8  # down and across, which agree or not
@@ -78,18 +79,21 @@ def changes(
     times = camera.timing.sample_times(max(LEAST_SAMPLES, math.ceil(longest(camera, path))))
     poses = path.at(times) - path.at(np.array([camera.timing.middle]))
     apart = path.basis(times) @ moves[:, None, :, :2]  # (doubts, rows, samples, 2)
-    apart = (apart - apart.mean(axis=2, keepdims=True)).astype(np.float32) / times.shape[1]
+    apart = np.moveaxis(apart - apart.mean(axis=2, keepdims=True), 0, 1).astype(np.float32)
     drift = flow and flow.everywhere(nodes(cols), rows)
     steps = np.diff(target, axis=1, append=target[:, -1:]), np.diff(target, axis=0, append=target[-1:])
-    bent, slopes = np.zeros((len(moves), rows, cols), np.float32), np.zeros((2, rows, cols), np.float32)
-    for s in range(times.shape[1]):
-        at = sampled_at(poses[:, s], times[:, s] - camera.timing.middle, camera, drift)
-        for axis, step in enumerate(steps):
-            x, y = (place - np.float32(0.5 * (a == axis)) for a, place in enumerate(at))  # a step lies between two pixels
-            slope = cv2.remap(step, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            slopes[axis] += slope / np.float32(times.shape[1])
-            bent += apart[:, :, s, axis, None] * slope
-    return bent, slopes
+    bent, slopes = np.zeros((rows, len(moves), cols), np.float32), np.zeros((2, rows, cols), np.float32)
+    for first in range(0, times.shape[1], AT_ONCE):
+        some = range(first, min(first + AT_ONCE, times.shape[1]))
+        found = np.empty((len(some), 2, rows, cols), np.float32)
+        for s, slope in zip(some, found, strict=True):
+            at = sampled_at(poses[:, s], times[:, s] - camera.timing.middle, camera, drift)
+            for axis, step in enumerate(steps):
+                x, y = (place - np.float32(0.5 * (a == axis)) for a, place in enumerate(at))  # a step lies between two pixels
+                cv2.remap(step, x, y, cv2.INTER_LINEAR, slope[axis], cv2.BORDER_REPLICATE)
+        slopes += found.sum(axis=0)
+        bent += apart[:, :, some].reshape(rows, len(moves), -1) @ np.moveaxis(found.reshape(-1, rows, cols), 1, 0)
+    return np.moveaxis(bent, 1, 0) / np.float32(times.shape[1]), slopes / np.float32(times.shape[1])
 
 
 def _beside(slopes: Float[np.ndarray, "2 rows cols"], predicted: Predicted) -> list[Float[np.ndarray, "rows cols"]]:
