@@ -125,6 +125,7 @@ class Found(_Record):
     error_px: Annotated[Finite, Field(ge=0)]  # by which the blur of one exposure may depart from path and drift
     share: Annotated[float, Field(ge=0, le=1)]  # of a restoration: whether the blur of the run bears its path out
     certainty: Annotated[float, Field(ge=0, le=1)]  # of the scanlines' displacements: how far the frame is straightened
+    blur_certainty: Annotated[float, Field(ge=0, le=1)] = 1.0  # of the blur: the less of it, the more of the blur the frame has to show
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
     doubts: Annotated[list[Terms], Field(max_length=64)] = []  # how the path may be wrong, along the scanlines
 

@@ -46,6 +46,7 @@ def record(trajectory: Trajectory | None, evidence: Evidence | None) -> Found:
         error_px=evidence.error if evidence else 0.0,
         share=evidence.share if evidence else 0.0,
         certainty=evidence.certainty if evidence else 0.0,
+        blur_certainty=evidence.blur_certainty if evidence else 1.0,
         exposure_shown=bool(evidence and evidence.exposure_shown),
         doubts=[move.tolist() for move in evidence.doubts] if evidence else [],
     )
@@ -91,6 +92,7 @@ def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Ev
         error=found.error_px,
         share=found.share,
         certainty=found.certainty,
+        blur_certainty=found.blur_certainty,
         exposure_shown=found.exposure_shown,
         doubts=[np.array(move) for move in found.doubts],
     )

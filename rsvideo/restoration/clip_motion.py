@@ -310,7 +310,8 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
     coherent = run.exposures * np.maximum(around[:-1], around[1:])
     certain = certainties(path, run.begins, run.tied, run.camera.timing)
-    shares = share * blur_share(blur_certainties(path, run.begins, run.camera.timing))
+    of_blur = blur_certainties(path, run.begins, run.camera.timing)
+    shares = share * blur_share(of_blur)
     doubted = [doubts(path, run.opens(k), run.timing(k)) for k in range(len(run.begins))]
     return [
         Evidence(
@@ -318,10 +319,13 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
             error=float(np.hypot(PATH_ERROR, departure)) if flow else PATH_ERROR,
             share=float(granted),
             certainty=float(certainty),
+            blur_certainty=float(blurred),
             exposure_shown=run.exposure_shown,
             doubts=doubt,
         )
-        for flow, departure, granted, certainty, doubt in zip(_flows(run, beyond), coherent, shares, certain, doubted, strict=True)
+        for flow, departure, granted, certainty, blurred, doubt in zip(
+            _flows(run, beyond), coherent, shares, certain, of_blur, doubted, strict=True
+        )
     ]
 
 

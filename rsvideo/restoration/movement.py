@@ -25,6 +25,7 @@ class Evidence:
     error: float  # px by which the blur of one exposure may depart from path and flow
     share: float  # of a restoration, 0 to 1: whether the blur of the run bears its path out, and how surely the frame's is as the path says
     certainty: float  # 0 to 1: how surely its scanlines are displaced as the path says, and so how far it is straightened
+    blur_certainty: float = 1.0  # 0 to 1: how surely its blur is as the path says
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
     doubts: Sequence[Float[np.ndarray, "terms axes"]] = ()  # how the path may be wrong, each a standard deviation of its coefficients
 

@@ -266,7 +266,7 @@ def _with_neighbours(waiting: _Waiting, both: Fused | None, settings: Settings) 
             agreed = np.float32(1.0)
             if both.predicted:
                 found = confirmed(both.predicted)
-                agreed = confirmation(found, image.length)
+                agreed = confirmation(found, image.length, evidence.blur_certainty)
                 if evidence.exposure_shown:  # or a wrong exposure would be taken for a wrong path
                     evidence = replace(evidence, certainty=evidence.certainty * borne_out(found, image.length))
             agreed = agreed * agreement(both.explained, both.shown, both.astray, evidence.certainty)

@@ -97,9 +97,13 @@ def agreement(
     return cv2.blur(share.astype(np.float32), (AGREEMENT, AGREEMENT))
 
 
-def confirmation(predicted: Confirmed, length: float) -> Float[np.ndarray, "rows cols"]:
-    """The share of a restoration that the frame's own blur grants, 0 to 1, along a path whose blur is `length` px long."""
-    about = between(predicted.about, MISSING, CONFIRMED) * between(predicted.whole, FRAME_MISSING, FRAME_CONFIRMED)
+def confirmation(predicted: Confirmed, length: float, certainty: float = 1.0) -> Float[np.ndarray, "rows cols"]:
+    """The share of a restoration that the frame's own blur grants, 0 to 1, along a path whose blur is `length` px long.
+
+    The less surely the blur is as the path says, by its `certainty`, the more of it the frame has to show.
+    """
+    unsure = min(1 - certainty, 1 - FRAME_CONFIRMED)  # all of it is enough
+    about = between(predicted.about, MISSING, CONFIRMED) * between(predicted.whole, FRAME_MISSING + unsure, FRAME_CONFIRMED + unsure)
     return cv2.blur(_checked(about, length).astype(np.float32), (AGREEMENT, AGREEMENT))
 
 

@@ -59,6 +59,16 @@ def test_blur_that_is_not_there_is_not_taken_away_unless_it_is_short() -> None:
     np.testing.assert_array_equal(confirmation(found, 2.0), 1)
 
 
+def test_the_less_sure_the_blur_is_the_more_of_it_has_to_show() -> None:
+    sharp, blurred = scene()
+    found = measured(0.6 * blurred + 0.4 * sharp, blurred, sharp, EVERYWHERE)
+    assert found.whole == pytest.approx(0.6, abs=0.02)
+    shares = [confirmation(found, 6.0, certainty)[40, 60] for certainty in (1.0, 0.9, 0.7)]
+    assert shares == pytest.approx([1, 0.5, 0], abs=0.15)
+    there = measured(blurred, blurred, sharp, EVERYWHERE)
+    np.testing.assert_array_equal(confirmation(there, 6.0, 0.5), 1)
+
+
 def test_a_path_is_borne_out_by_blur_that_is_there_or_too_short_to_tell() -> None:
     sharp, blurred = scene()
     there, missing = (measured(frame, blurred, sharp, EVERYWHERE) for frame in (blurred, sharp))
