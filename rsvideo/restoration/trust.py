@@ -26,6 +26,7 @@ AGREEMENT = 15  # px over which that is averaged
 UNSEEN = 0.5  # of the restoration, which counts at most where no neighbour shows the place; chosen on scenes of several depths
 MISSING, CONFIRMED = 0.3, 0.5  # of the blur that the path predicts, that a frame shows about a pixel
 FRAME_MISSING, FRAME_CONFIRMED = 0.4, 0.6  # the same of the whole frame; all four chosen on 51 clips (docs/method.md, (18))
+UNSURE = 1.0  # times how unsure the frame's blur is, by which these two are higher; no frame of 0.9 on changes much by it
 UNCHECKED, CHECKED = 2.0, 3.0  # px of blur: shorter blur is hardly longer than what neighbours are off by
 UNOBSERVED, OBSERVED = 0.3, 0.7  # of a latent pixel's light: beside the borders and in clipped lamps there is less; origin: by trial
 CREDIT_BLUR, CREDIT_REGION, CREDIT_FRAME = 0.5, 3.5e-3, 5e-4  # px; s of a region; s of a frame: by so much all three may be less where the
@@ -102,7 +103,7 @@ def confirmation(predicted: Confirmed, length: float, certainty: float = 1.0) ->
 
     The less surely the blur is as the path says, by its `certainty`, the more of it the frame has to show.
     """
-    unsure = min(1 - certainty, 1 - FRAME_CONFIRMED)  # all of it is enough
+    unsure = min(UNSURE * (1 - certainty), 1 - FRAME_CONFIRMED)  # all of the blur is enough
     about = between(predicted.about, MISSING, CONFIRMED) * between(predicted.whole, FRAME_MISSING + unsure, FRAME_CONFIRMED + unsure)
     return cv2.blur(_checked(about, length).astype(np.float32), (AGREEMENT, AGREEMENT))
 
