@@ -96,7 +96,7 @@ class Flow:
         return _kernel(places, self.points, self.length) @ self.weights
 
     def everywhere(self, columns: Real[np.ndarray, " columns"], rows: int) -> Float[np.ndarray, "rows columns 2"]:
-        """The same in these columns, from every few rows."""
+        """The same in these columns of all rows, from every few of them."""
         some = nodes(rows)
         found = self.at(np.stack(np.meshgrid(columns, some), axis=-1).reshape(-1, 2).astype(float)).reshape(len(some), -1)
         return np.stack([np.interp(np.arange(rows), some, column) for column in found.T], axis=1).reshape(rows, len(columns), 2)

@@ -90,7 +90,7 @@ def sampled_at(
     drift: Float[np.ndarray, "scanlines nodes 2"] | None,
 ) -> Float32[np.ndarray, "2 scanlines along"]:
     """Where a global shutter's image is sampled by scanlines, each at its pose, so many seconds from the middle of the frame's interval:
-    the columns, and the rows. `drift` is the field beside the path."""
+    the columns, and the rows. `drift` is the field beside the path, at every few columns."""
     lens, columns = camera.intrinsics, nodes(camera.intrinsics.cols)
     home = _grid(np.arange(lens.rows), columns)
     at = home + turned(lens, home[..., 0], home[..., 1], np.broadcast_to(poses[:, None], (*home.shape[:2], poses.shape[1])))
