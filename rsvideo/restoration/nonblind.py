@@ -81,7 +81,7 @@ class TileSystem:
     ) -> Float[np.ndarray, "*channels rows period"]:
         """The frame where it is data, K l elsewhere, carried on `ahead` of its step from what was completed `before`; a clipped pixel is
         at least as bright as it reads."""
-        out = np.empty(blurred.shape, blurred.dtype)
+        out = np.empty_like(blurred, order="C")
         rows = [each.reshape(-1, each.shape[-1]) for each in (self.frame, self.valid, blurred, blurred if before is None else before, out)]
         spread(_completed, len(rows[0]), *map(np.ascontiguousarray, rows[:4]), np.float32(ahead), self.op.left, rows[4], size=out.nbytes)
         return out
