@@ -29,7 +29,7 @@ def between(at: Float32[np.ndarray, "rows nodes 2"], columns: Int[np.ndarray, " 
 @no_type_check
 @loop(fastmath=False)
 def _between(first, last, at, low, high, share, out):
-    """Of each row."""
+    """`between`, of each row."""
     for r in range(first, last):
         for c in range(len(low)):
             for a in range(2):

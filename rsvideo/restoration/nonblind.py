@@ -82,8 +82,9 @@ class TileSystem:
         """The frame where it is data, K l elsewhere, carried on `ahead` of its step from what was completed `before`; a clipped pixel is
         at least as bright as it reads."""
         out = np.empty_like(blurred, order="C")
-        rows = [each.reshape(-1, each.shape[-1]) for each in (self.frame, self.valid, blurred, blurred if before is None else before, out)]
-        spread(_completed, len(rows[0]), *map(np.ascontiguousarray, rows[:4]), np.float32(ahead), self.op.left, rows[4], size=out.nbytes)
+        images = self.frame, self.valid, blurred, blurred if before is None else before, out
+        rows = [np.ascontiguousarray(image).reshape(-1, image.shape[-1]) for image in images]
+        spread(_completed, len(rows[0]), *rows, np.float32(ahead), self.op.left, size=out.nbytes)
         return out
 
     def crop(self, latent: Float[np.ndarray, "*channels latent_rows period"]) -> Float[np.ndarray, "*channels rows cols"]:
@@ -97,8 +98,8 @@ class TileSystem:
 
 @no_type_check
 @loop(fastmath=False)
-def _completed(first, last, frame, valid, blurred, before, ahead, left, out):
-    """Of each row."""
+def _completed(first, last, frame, valid, blurred, before, out, ahead, left):
+    """`TileSystem.complete`, of each row."""
     for r in range(first, last):
         for c in range(blurred.shape[1]):
             out[r, c] = blurred[r, c] + ahead * (blurred[r, c] - before[r, c])
