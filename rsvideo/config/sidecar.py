@@ -14,9 +14,7 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from jaxtyping import Float
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     JsonValue,
     ValidationError,
@@ -25,6 +23,7 @@ from pydantic import (
 )
 
 from rsvideo.config.files import UnreadableError, opened, read_whole
+from rsvideo.config.found_motion import Finite, Found, Middle, Record
 from rsvideo.config.printable import in_unicode
 from rsvideo.physics import distortion
 from rsvideo.physics.camera import Intrinsics
@@ -40,24 +39,18 @@ _STEP = 0.25e-3  # seconds from one sample of a trajectory to the next
 _FEWEST = 64  # samples
 LEAST_STEP = 1e-9  # seconds; over less, no curve through the samples stays finite
 
-Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
 Seconds = Annotated[float, Field(allow_inf_nan=False, ge=-1000, le=1000)]  # within a frame's interval, which is shorter than 20
 Shift = Annotated[float, Field(allow_inf_nan=False, ge=-1e5, le=1e5)]  # px
 Turn = Annotated[float, Field(allow_inf_nan=False, ge=-100, le=100)]  # rad
 Side = Annotated[int, Field(gt=0, le=100_000)]  # px
 Focal = Annotated[float, Field(allow_inf_nan=False, ge=1, le=1e7)]  # px
-Middle = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]  # px
 Words = Annotated[str, BeforeValidator(lambda name: in_unicode(name) if isinstance(name, str) else name), Field(max_length=5000)]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+_Kind = TypeVar("_Kind", bound=Record)
 
 
-_Kind = TypeVar("_Kind", bound=_Record)
-
-
-class Timing(_Record):
+class Timing(Record):
     """When the scanlines of a frame collect light, and where that is from."""
 
     exposure_s: Annotated[float, Field(gt=0, lt=LONGEST_MODELLED, allow_inf_nan=False)]
@@ -65,7 +58,7 @@ class Timing(_Record):
     source: Words
 
 
-class Sampled(_Record):
+class Sampled(Record):
     """A trajectory in image coordinates, sampled over the frame's whole interval; 0 opens the first scanline."""
 
     t_s: Annotated[list[Seconds], Field(fail_fast=True, min_length=2)]
@@ -98,47 +91,7 @@ class Sampled(_Record):
         return np.stack([self.x_px, self.y_px, self.roll_rad], axis=1)
 
 
-class Drift(_Record):
-    """How the points of a frame move beside its path, along the scanlines: `rsvideo.restoration.parallax.Flow`."""
-
-    points_px: Annotated[list[tuple[Middle, Middle]], Field(fail_fast=True, min_length=1, max_length=1000)]
-    weights_px_s: Annotated[list[tuple[Finite, Finite]], Field(fail_fast=True)]
-    length_px: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
-
-    @model_validator(mode="after")
-    def _check(self) -> "Drift":
-        if len(self.points_px) != len(self.weights_px_s):
-            raise ValueError("points_px and weights_px_s must be equally long")
-        return self
-
-
-Terms = Annotated[list[Annotated[list[Finite], Field(min_length=2, max_length=3)]], Field(fail_fast=True, min_length=1, max_length=64)]
-"""Coefficients of a polynomial, (terms, axes)."""
-
-
-class Found(_Record):
-    """What the search for a clip's motion found of a frame, exactly: restored along it, the frame has the pixels that follow the search."""
-
-    path: Terms | None
-    """Of a polynomial over the frame's interval, in image axes; None: no point of the frame could be followed."""
-    drift: Drift | None  # None: all points move along the path
-    error_px: Annotated[Finite, Field(ge=0)]  # by which the blur of one exposure may depart from path and drift
-    share: Annotated[float, Field(ge=0, le=1)]  # of a restoration: whether the blur of the run bears its path out
-    certainty: Annotated[float, Field(ge=0, le=1)]  # of the scanlines' displacements: how far the frame is straightened
-    blur_certainty: Annotated[float, Field(ge=0, le=1)] = 1.0  # of the blur: the less of it, the more of the blur the frame has to show
-    exposure_shown: bool = False  # whether the clip's blur has shown its exposure
-    doubts: Annotated[list[Terms], Field(max_length=64)] = []  # how the path may be wrong, along the scanlines
-
-    @model_validator(mode="after")
-    def _check(self) -> "Found":
-        if self.path and len({len(term) for term in self.path}) > 1:
-            raise ValueError("path must have equally many axes in all terms")
-        if self.path and any([*map(len, move)] != [*map(len, self.path)] for move in self.doubts):
-            raise ValueError("doubts must have as many terms and axes as path")
-        return self
-
-
-class FrameRecord(_Record):
+class FrameRecord(Record):
     """What became of one frame."""
 
     index: Annotated[int, Field(ge=0, le=10**12)]
@@ -149,7 +102,7 @@ class FrameRecord(_Record):
     """Of a clip: from the pose at this frame's middle to that at the next one's, x and y in px, roll in rad; None at a cut."""
     verdict: Words
     seconds: Annotated[Finite, Field(ge=0)]
-    convergence: Annotated[list[Finite], Field(fail_fast=True, max_length=10_000)] = []
+    convergence: Annotated[list[Finite], Field(fail_fast=True, max_length=10_000)] = Field(default_factory=list)
     """The objective after each step of the last refinement of the trajectory."""
     psfs: Annotated[list[list[list[list[Finite]]]], Field(fail_fast=True, min_length=1, max_length=64)] | None = None
     """PSFs over a grid of the frame, (down, across, k, k), of methods that know no trajectory."""
@@ -173,21 +126,21 @@ class FrameRecord(_Record):
         return self.model_dump_json(exclude=unsaid).encode()
 
 
-class Lens(_Record):
+class Lens(Record):
     """How the lens bends rays, in OpenCV's models and order of coefficients."""
 
     model: distortion.Model
     coefficients: Annotated[list[Finite], Field(fail_fast=True, max_length=20)]
 
 
-class SensorNoise(_Record):
+class SensorNoise(Record):
     """The variance of a pixel at light L in [0, 1]: read^2 + shot * L."""
 
     read: Finite
     shot: Finite
 
 
-class Camera(_Record):
+class Camera(Record):
     """The camera that was assumed, in pixels, and where its focal length came from."""
 
     fx: Focal
@@ -238,7 +191,7 @@ class Camera(_Record):
         return {key: value for key, value in write(self).items() if value is not None}
 
 
-class Settings(_Record):
+class Settings(Record):
     """All that steered the work, so that it can be repeated."""
 
     rsvideo: Words  # the program's version
@@ -248,10 +201,10 @@ class Settings(_Record):
     trajectory_from: Words | None  # the file, where the motion was given
     restoration: dict[str, JsonValue]  # the core's own settings, under their names
     input_sha256: str | None = None
-    encoding: dict[str, JsonValue] = {}  # of a clip
+    encoding: dict[str, JsonValue] = Field(default_factory=dict)  # of a clip
 
 
-class Mark(_Record):
+class Mark(Record):
     """By which a job knows its results again; paths are relative to the sidecar's folder."""
 
     job: str
@@ -260,7 +213,7 @@ class Mark(_Record):
     source: str
 
 
-class Written(_Record):
+class Written(Record):
     """What was written with the sidecar, and what became of it."""
 
     sha256: dict[Words, str]  # of files by their names; of a folder, over its files' names and hashes
@@ -272,7 +225,7 @@ class Written(_Record):
     mark: Mark | None = None  # None: by no job
 
 
-class _Head(_Record):
+class _Head(Record):
     """The whole file but for its frames."""
 
     version: Literal[1] = 1

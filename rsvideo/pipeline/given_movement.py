@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.config.sidecar import Drift, Found, FrameRecord
+from rsvideo.config.found_motion import Drift, Found
+from rsvideo.config.sidecar import FrameRecord
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.pipeline import given_blur
 from rsvideo.pipeline.tracked import tracked
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.scanlines import path_in_image
 from rsvideo.shooting import given_motion
 
 _APART = 1e-3  # s, by which a frame may begin earlier or later than the file states
@@ -48,7 +50,7 @@ def record(trajectory: Trajectory | None, evidence: Evidence | None) -> Found:
         certainty=evidence.certainty if evidence else 0.0,
         blur_certainty=evidence.blur_certainty if evidence else 1.0,
         exposure_shown=bool(evidence and evidence.exposure_shown),
-        doubts=[move.tolist() for move in evidence.doubts] if evidence else [],
+        focused=evidence.focused.coefficients.tolist() if evidence and evidence.focused else None,
     )
 
 
@@ -65,7 +67,9 @@ def _found(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> M
         taken = camera.exposed(frame.timing.exposure_s)
         curve, beside = _of_frame(frame, taken)
         if curve is not None:
-            given_blur.check(path, curve, taken, beside.flow)
+            for each in (curve, beside.focused and path_in_image(beside.focused, taken.timing.direction)):
+                if each is not None:
+                    given_blur.check(path, each, taken, beside.flow)
         exposures.append(frame.timing.exposure_s)
         within.append(curve)
         evidence.append(beside)
@@ -84,7 +88,9 @@ def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Ev
     found = frame.found
     assert found is not None
     t0, t1 = camera.timing.interval
-    curve = None if found.path is None else Polynomial(t0=t0, t1=t1, coefficients=np.array(found.path))
+    curve, focused = (
+        None if terms is None else Polynomial(t0=t0, t1=t1, coefficients=np.array(terms)) for terms in (found.path, found.focused)
+    )
     drift = found.drift
     flow = drift and Flow(points=np.array(drift.points_px), weights=np.array(drift.weights_px_s), length=drift.length_px)
     return curve, Evidence(
@@ -94,5 +100,5 @@ def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Ev
         certainty=found.certainty,
         blur_certainty=found.blur_certainty,
         exposure_shown=found.exposure_shown,
-        doubts=[np.array(move) for move in found.doubts],
+        focused=focused,
     )

@@ -9,7 +9,7 @@ too (expectation maximisation).
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import ceil, sqrt
+from math import ceil
 
 import numpy as np
 from jaxtyping import Float
@@ -37,7 +37,8 @@ FIRST_SHARE = 0.25  # of how far points move from frame to frame, which it is at
 LEAST_REACH = 4.0  # px a frame's interval, the least that the prior believes after that; origin: by trial
 NEIGHBOURS = 5  # pieces, half a frame's interval apart, whose median speed one piece is believed to have
 END_ERROR = 3.0  # times what H says of the deviation at a run's ends: where a shake begins or stops within one, no prior expects it
-LEAST_DOUBT, MOST_DOUBTS = 0.04, 8  # px RMS over a frame's interval, below which a displacement is believed, and how many may be in doubt
+LEAST_DOUBT, MOST_DOUBTS = 0.03, 8  # px RMS over a frame's interval, below which a displacement is believed, and how many may be in doubt
+PATH_ERROR = 0.2  # px of blur by which a path may be wrong even where points bear it out; origin: by trial
 FREE = 1e-6  # precision of every coefficient, in 1 / px^2: a spread of 1000 px, so that where the path begins is free
 _FIT_POINTS = 4  # for each coefficient of a frame's polynomial, at which it is fitted to the spline; origin: by trial
 _SPEED_POINTS = 9  # of the window in which a path's speed is measured; origin: by trial
@@ -187,27 +188,33 @@ def blur_certainties(path: CameraPath, begins: Float[np.ndarray, " frames"], tim
     return np.array(shares)
 
 
-def doubts(path: CameraPath, begins: float, timing: ShutterTiming) -> list[Float[np.ndarray, "terms axes"]]:
-    """How the path may be wrong within the frame that begins at `begins`: the principal displacements of its polynomial, each a standard
-    deviation long, the longest first.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Doubts:
+    """How a path may be wrong within a frame: the principal displacements of its polynomial, each a standard deviation long."""
 
-    Roll is believed, where the frame begins, and how far its last scanline is displaced against the first, which points show.
-    """
-    moves = windows(path.spline, begins, timing)[1:]
-    terms, axes = len(moves), path.spline.coefficients.shape[1]
-    both = np.kron(moves, np.eye(axes)[:2])  # x and y of each term
-    covariance = both @ path.covariance @ both.T
+    moves: Float[np.ndarray, "doubts terms axes"]  # the longest first
+    of_path: Float[np.ndarray, "doubts unknowns"]  # G: how many of each a change of the spline's coefficients makes
+    shear: Float[np.ndarray, "doubts 2"]  # Z: how many of each displace the last scanline by 1 px, in x or in y, against the first
+
+
+def doubts(path: CameraPath, begins: float, timing: ShutterTiming) -> Doubts:
+    """Those of the frame that begins at `begins`, in px. Roll is believed, and where the frame begins."""
+    inside = windows(path.spline, begins, timing)[1:]
+    terms, axes = len(inside), path.spline.coefficients.shape[1]
+    both = np.kron(inside, np.eye(axes)[:2])  # x and y of each term
+    variances, directions = np.linalg.eigh(both @ path.covariance @ both.T)
+    longest = np.arange(len(variances))[: -MOST_DOUBTS - 1 : -1]
+    found = longest[variances[longest] > LEAST_DOUBT**2]
+    directions, deviations = directions[:, found], np.sqrt(variances[found])
+    moves = np.zeros((len(found), terms + 1, axes))
+    moves[:, 1:, :2] = (deviations * directions).T.reshape(-1, terms, 2)
     first, last = polynomial(timing, terms + 1, 2).basis(timing.sample_times(SAMPLES)[[0, -1]]).mean(axis=1)
-    shear = np.kron(last[1:] - first[1:], np.eye(2))
-    covariance -= covariance @ shear.T @ np.linalg.pinv(shear @ covariance @ shear.T, hermitian=True) @ shear @ covariance
-    variances, directions = np.linalg.eigh(covariance)
-    found = []
-    for variance, direction in [*zip(variances, directions.T, strict=True)][: -MOST_DOUBTS - 1 : -1]:
-        if variance > LEAST_DOUBT**2:
-            move = np.zeros((terms + 1, axes))
-            move[1:, :2] = sqrt(variance) * direction.reshape(terms, 2)
-            found.append(move)
-    return found
+    slope = last[1] - first[1]  # of the polynomial's linear term
+    return Doubts(
+        moves=moves,
+        of_path=(directions / deviations).T @ both,
+        shear=(directions[:2] / deviations).T / slope if slope > 0 else np.zeros((len(found), 2)),
+    )
 
 
 def _opened(timing: ShutterTiming) -> Float[np.ndarray, "rows samples"]:

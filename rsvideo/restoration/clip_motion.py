@@ -26,10 +26,10 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.physics.trajectory import Spline
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import (
+    PATH_ERROR,
     CameraPath,
     blur_certainties,
     certainties,
-    doubts,
     exposure_lengths,
     follow,
     polynomial,
@@ -42,6 +42,7 @@ from rsvideo.restoration.focus import focus, focus_value
 from rsvideo.restoration.matched_blur import Exposed, followed_again
 from rsvideo.restoration.movement import Evidence, Movement
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
+from rsvideo.restoration.path_from_neighbours import Taken, corrected, small
 from rsvideo.restoration.refinement import SCALE
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
@@ -56,7 +57,6 @@ STILL = 0.05  # of that before or behind it, below which the points of a picture
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 SPARE = 4  # evaluations beyond one a step, for line searches
 TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
-PATH_ERROR = 0.2  # px of blur by which a path may be wrong even where points bear it out; origin: by trial
 COLS = 480  # with most texture, from which a clip's blur is measured
 
 
@@ -67,6 +67,7 @@ class Run:
     begins: Float[np.ndarray, " frames"]  # seconds of the clip, when each frame's first scanline opens if exposed as the camera states
     scenes: list[Scene]  # narrowed to the columns that serve; none where blur is not needed
     wide: list[Scene]  # all columns at half the resolution, or less, where long blurs show
+    small: list[Frame]  # all columns in grey, in which neighbours are compared
     codes: list[UInt8[np.ndarray, "rows cols"]]  # each frame as its points are followed; none where blur is not needed
     links: list[Tracks]  # between neighbours
     camera: Camera  # along the scanlines
@@ -174,7 +175,10 @@ def movement_along(found: Followed, frames: Bool[np.ndarray, " frames"] | None =
     run = found.run
     path = refined_by_blur(run, found.path, run.followed if frames is None else run.followed & frames)
     share = run_share(found.votes) if frames is None else 1.0
-    return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share))
+    if frames is not None or share == 0:
+        return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share))
+    better = refined_by_neighbours(run, path)
+    return replace(movement_of(run, better.spline, run.followed), evidence=evidence(run, better, share=share, focused=path.spline))
 
 
 def in_matched_blur(run: Run) -> Run:
@@ -194,11 +198,13 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
     begins: list[float] = []
     scenes: list[Scene] = []
     wide: list[Scene] = []
+    smaller: list[Frame] = []
     followed: list[np.ndarray] = []
     links: list[Tracks] = []
     before = None
     for frame in frames:
-        scene = scene_of(to_scanlines(frame, camera), settings)
+        view = to_scanlines(frame, camera)
+        scene = scene_of(view, settings)
         after = codes(scene.frame)
         if before is not None:
             links.append(_link(before, after, frame.time - begins[-1], camera.timing))
@@ -208,6 +214,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
             followed.append(after)
             scenes.append(windowed(scene, COLS))
             wide.append(reduced(halved(scene)))
+            smaller.append(small(view))
         observe(Progress(stage="motion", fraction=0.0, frame=frame.index))
     again = repeats(links)
     first = np.array([True, *(not still for still in again)][: len(begins)], bool)
@@ -215,6 +222,7 @@ def gather(frames: Iterable[Frame], camera: Camera, settings: Settings, observe:
         begins=np.array(begins)[first],
         scenes=[scene for scene, new in zip(scenes, first, strict=False) if new],
         wide=[scene for scene, new in zip(wide, first, strict=False) if new],
+        small=[one for one, new in zip(smaller, first, strict=False) if new],
         codes=[picture for picture, new in zip(followed, first, strict=False) if new],
         links=[link for link, still in zip(links, again, strict=True) if not still],
         camera=camera.along_scanlines(),
@@ -252,6 +260,16 @@ def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frame
     blurred = [k for k, length in lengths.items() if length > BLURRED]
     scenes = [scene_at(run, k, None, lengths[k]) for k in blurred]
     return refine(scenes, [run.opens(k) for k in blurred], path, steps=run.effort.blur_steps) if blurred else path
+
+
+def refined_by_neighbours(run: Run, path: CameraPath) -> CameraPath:
+    """The path as the frames show it together."""
+    groups, flows_beside = np.cumsum([0, *(not t for t in run.tied[:-1])]), beside(run, path)
+    frames = [
+        Taken.of(frame, run.camera.exposed(float(run.exposures[k])), run.opens(k), path, int(groups[k]), flows_beside[k])
+        for k, frame in enumerate(run.small)
+    ]
+    return corrected(path, frames, run.effort.neighbours)
 
 
 def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, *, steps: int) -> CameraPath:
@@ -303,8 +321,11 @@ def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> li
     return threads.each(lambda each: focus_value(*each), wanted)
 
 
-def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
-    """What the points of each frame do beyond a path, how sure that is, and how far the blur may depart from it."""
+def evidence(run: Run, path: CameraPath, *, share: float, focused: Spline | None = None) -> list[Evidence]:
+    """What the points of each frame do beyond a path, how sure that is, and how far the blur may depart from it.
+
+    Focus has `focused` another path, if one is given.
+    """
     beyond = unexplained(path.spline, run.links, run.begins, run.camera)
     speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
@@ -312,7 +333,6 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
     certain = certainties(path, run.begins, run.tied, run.camera.timing)
     of_blur = blur_certainties(path, run.begins, run.camera.timing)
     shares = share * blur_share(of_blur)
-    doubted = [doubts(path, run.opens(k), run.timing(k)) for k in range(len(run.begins))]
     return [
         Evidence(
             flow=flow,
@@ -321,10 +341,10 @@ def evidence(run: Run, path: CameraPath, *, share: float) -> list[Evidence]:
             certainty=float(certainty),
             blur_certainty=float(blurred),
             exposure_shown=run.exposure_shown,
-            doubts=doubt,
+            focused=focused and within(focused, run.opens(k), run.timing(k)),
         )
-        for flow, departure, granted, certainty, blurred, doubt in zip(
-            _flows(run, beyond), coherent, shares, certain, of_blur, doubted, strict=True
+        for k, (flow, departure, granted, certainty, blurred) in enumerate(
+            zip(_flows(run, beyond), coherent, shares, certain, of_blur, strict=True)
         )
     ]
 

@@ -27,7 +27,7 @@ class Evidence:
     certainty: float  # 0 to 1: how surely its scanlines are displaced as the path says, and so how far it is straightened
     blur_certainty: float = 1.0  # 0 to 1: how surely its blur is as the path says
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
-    doubts: Sequence[Float[np.ndarray, "terms axes"]] = ()  # how the path may be wrong, each a standard deviation of its coefficients
+    focused: Trajectory | None = None  # along the scanlines always: the path that its focus led to, and is judged along; None: its own
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,12 +14,10 @@ from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration import nonblind, search, single_frame
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.extent import beyond, longest
-from rsvideo.restoration.fusion import Displaced, Fused, PosedImage, fused, helpful
+from rsvideo.restoration.fusion import Fused, PosedImage, fused, helpful
 from rsvideo.restoration.movement import Evidence, Movement
-from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.path_from_neighbours import corrected
 from rsvideo.restoration.predicted_blur import confirmed
-from rsvideo.restoration.rectification import Share, read_out, scanline_poses, straightened
+from rsvideo.restoration.rectification import Share, displaced, straightened
 from rsvideo.restoration.resolution import too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.scene import scene_of
@@ -32,7 +30,6 @@ MOVING = 1.0  # px, from which on it is fully restored
 TIMES = 33  # at which a frame's path is followed to see how far it leads
 LEAST_SHARE = 0.02  # of the restoration, over the frame; less is not worth the work
 SHARP_ENOUGH = 6.0  # px of blur, up to which a frame that is rectified only serves its neighbours
-FAR = 0.1  # px RMS over a frame's interval, from which on a corrected path is worth restoring the frame along it
 ALONE = 0.6  # of a frame's work is done when it is restored by itself
 
 
@@ -82,12 +79,8 @@ def restored(
     def ready(k: int) -> FrameResult:
         near = [j for j in waiting if abs(j - k) <= reach and group[j] == group[k] and (poses[j] != poses[k]).any()]
         others = [image for j in near if (image := waiting[j].image)]
-        started, both = time.monotonic(), _fused(waiting[k], others, settings)
-        if (path := _corrected(waiting[k], both)) is not None:
-            both = None  # its memory is needed
-            waiting[k] = _drafted_again(waiting[k], path, settings)
-            both = _fused(waiting[k], others, settings)
-        alone = _with_neighbours(waiting[k], both, settings)
+        started = time.monotonic()
+        alone = _with_neighbours(waiting[k], others, settings)
         done = replace(alone, seconds=alone.seconds + time.monotonic() - started).result()
         waiting[k] = _Waiting(image=waiting[k].image)  # others need no more of it
         waiting.pop(k - reach, None)
@@ -143,7 +136,8 @@ def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: S
     share = 1.0
     if evidence:
         scene = scene_of(view, settings, evidence.flow)
-        followed = trust(scene, path, length, evidence.certainty, evidence.exposure_shown)[..., None] if evidence.share else 0.0
+        led = evidence.focused or path
+        followed = trust(scene, led, length, evidence.certainty, evidence.exposure_shown)[..., None] if evidence.share else 0.0
         share = evidence.share * followed
     if np.mean(share) < LEAST_SHARE:
         verdict = Verdict.DISAGREES if length > LONG and not (evidence and evidence.share) else Verdict.STRAIGHTENED
@@ -199,16 +193,6 @@ def _drafted(
     return replace(waiting, restored=replace(alone, latent=image.latent, covered=None, seconds=time.monotonic() - started), image=image)
 
 
-def _drafted_again(waiting: _Waiting, path: Trajectory, settings: Settings) -> _Waiting:
-    """A frame along a corrected path, which its neighbours bear out; what bears out the former one grants its restoration."""
-    alone, image = waiting.restored, waiting.image
-    assert alone is not None
-    assert image is not None
-    how = {"moved": waiting.moved, "share": waiting.share, "draft": waiting.draft}
-    again = _drafted(alone.view, path, waiting.evidence, image.pose, settings, **how)
-    return replace(again, restored=again.restored and replace(again.restored, seconds=alone.seconds))
-
-
 def _error(evidence: Evidence | None, length: float) -> float:
     """How far a path whose blur is `length` px long may be off, px; one that was given is not."""
     return min(evidence.error, length) if evidence else 0.0
@@ -236,30 +220,19 @@ def _fused(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) 
     view, evidence = alone.view, waiting.evidence
     flow = evidence and evidence.flow
     frame = tiled_frame(view, alone.trajectory, settings, flow)
-    displaced = _displaced(view, alone.trajectory, flow) if evidence and image.length > UNCHECKED else None
+    still = displaced(alone.trajectory, view.camera, flow) if evidence and image.length > UNCHECKED else None
     error = _error(evidence, image.length)
-    return fused(frame, image, others, view.camera.intrinsics, view.noise, error, own=waiting.own, displaced=displaced)
+    return fused(frame, image, others, view.camera.intrinsics, view.noise, error, own=waiting.own, displaced=still)
 
 
-def _corrected(waiting: _Waiting, both: Fused | None) -> Trajectory | None:
-    """The frame's path as its neighbours correct it; None where it stays, or would lead nowhere."""
-    alone, evidence = waiting.restored, waiting.evidence
-    if not (alone and evidence and both and both.predicted):
-        return None
-    camera = alone.view.camera
-    path = corrected(alone.trajectory, evidence.doubts, both.predicted, camera, evidence.flow)
-    far = np.linalg.norm(path.coefficients - alone.trajectory.coefficients) > FAR
-    return path if far and not beyond(camera, path) else None
-
-
-def _with_neighbours(waiting: _Waiting, both: Fused | None, settings: Settings) -> Restored:
+def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: Settings) -> Restored:
     """The frame restored with its neighbours; straightened only where none agrees, or where its blur is not what its path predicts."""
     alone, image, verdict = waiting.restored, waiting.image, Verdict.RESTORED
     assert alone is not None
     if image is None or alone.verdict is not Verdict.RESTORED:
         return alone
     view = alone.view
-    if both:
+    if both := _fused(waiting, others, settings):
         frame, latent = both.frame, both.solved()
         latent = frame.to_host(nonblind.finished(frame, latent, waiting.noise) if settings.splittings else latent)
         if evidence := waiting.evidence:
@@ -278,9 +251,3 @@ def _with_neighbours(waiting: _Waiting, both: Fused | None, settings: Settings) 
     else:
         return alone
     return replace(alone, latent=waiting.mixed(latent, settings.device), verdict=verdict)
-
-
-def _displaced(view: View, path: Trajectory, flow: Flow | None) -> Displaced:
-    """How a path, and a field of velocities beside it, displace the scanlines of a picture."""
-    poses = scanline_poses(path, view.camera)
-    return lambda image: read_out(image[..., None], poses, view.camera, flow)[..., 0]

@@ -1,154 +1,171 @@
-"""A frame's path corrected by what its neighbours show of the scene.
+"""The path of a run corrected by what its frames show of one scene.
 
-The mean t of the neighbours' latent images is near to the truth, so b - K t says where the blur of a frame b departs from what its path
-predicts. Points leave the path in doubt by displacements d_m, each a standard deviation long (`camera_path.doubts`). If x_m d_m are missing
-of it,
+Points hardly show how a camera moves within an exposure, nor a wobble that repeats from frame to frame: all frames would be sheared alike.
+The blur of the frames does, if they are compared. Each is restored as a draft, by itself, in grey; the drafts of a frame's neighbours are
+brought to its pose, and say what is missing of its path (`restoration.departure`). Of frame k they say x_k = G_k (C - C_0) up to
 
-    b - K t = sum_m x_m J_m + sum_n y_n N_n + noise,    J_m = mean over s of <(grad t) at p(s), d_m(s) - mean of d_m>
+    (h^2 S_k + f^2 / |d|^2 + g^2 Z_k Z_k^T) / w_k
 
-with s the instants at which a scanline is open. d_m counts without its mean over these: t was aligned to the frame, and does not show where
-a scanline lies. N_n is what else may depart: where scanlines lie, how soft t is, along the axes and between them, and how strong the
-blur is, as of an exposure that is not quite right. By least squares x is sure up to a covariance S, by which blocks of the frame disagree
-(the sandwich estimator). Before that it is sure up to I, so that its likeliest value is
+with C_0 the path's coefficients so far, G_k and Z_k of `camera_path.Doubts`. Neighbours err alike over the whole frame: by h times what its
+blocks disagree by, by f px in each displacement d, and by g px in how far the last scanline is displaced against the first. So the run's
+coefficients C minimise, in the norms of these covariances,
 
-    x = (I + S)^-1 x_LS
+    (C - C_0)^T H (C - C_0) + sum_k |x_k - G_k (C - C_0)|^2
 
-What the path does not explain, such as things that move by themselves, counts less, by Cauchy's weights.
+A frame whose blur is too short to tell is corrected by those around it.
 """
 
-import itertools
-import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
-import cv2
 import numpy as np
-from jaxtyping import Float, Float32
-from numpy.polynomial import legendre
+from jaxtyping import Float
 
+from rsvideo import threads
+from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera
+from rsvideo.physics.channels import any_channel
+from rsvideo.physics.luminance import luminance
 from rsvideo.physics.trajectory import Trajectory
-from rsvideo.restoration.extent import longest
-from rsvideo.restoration.nodes import nodes
+from rsvideo.restoration import single_frame
+from rsvideo.restoration.camera_path import PATH_ERROR, CameraPath, doubts, within
+from rsvideo.restoration.departure import departure
+from rsvideo.restoration.extent import beyond, longest
+from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.predicted_blur import INDEPENDENT, Predicted
-from rsvideo.restoration.rectification import sampled_at
-from rsvideo.restoration.resolution import halved_path
-from rsvideo.restoration.trust import between
+from rsvideo.restoration.rectification import displaced, straightened
+from rsvideo.restoration.resolution import halved, halved_path, too_long
+from rsvideo.restoration.scanlines import View, to_scanlines
+from rsvideo.restoration.settings import Settings
+from rsvideo.restoration.trust import between, observed
 
-LARGEST = 960  # px, the longer side at most of the frame in which this is measured
-LEAST_SAMPLES = 8  # of an exposure
-AT_ONCE = 8  # of them, whose slopes are held
-BENDS = 4  # terms along the scanlines of where they lie
-SOFT = 0.7  # px, of the Gaussian under which curvatures are taken
-BLOCKS = 6, 8  # down and across, which agree or not
-PATCH = 11  # px over which a place must be explained
-UNEXPLAINED = 3.0  # times what the middle one leaves unexplained, at which a place counts half; origin: by trial
-BELIEVED = 0.5, 0.5, 0.3  # px, px^2 and a share: what else departs may be so much, which hardly matters
-FREE = 100.0  # standard deviations that least squares leave to x, before what is believed of it counts
-SHORT, LONG = 3.0, 4.0  # px of blur, up to which a path is not corrected, and from which on it is corrected in full
-WEAKER, STRONG = 0.75, 0.9  # the same of the blur's strength: weaker blur says that more than the path is wrong
-_NOTHING = 1e-12  # of light squared: a frame that is explained exactly divides by this
+LARGEST = 960  # px, the longer side at most of the frames in which this is measured
+DRAFT = Settings(quality="draft")  # how a frame is restored for it
+FAINT = 1.5  # px of blur in these, up to which a frame is straightened only
+SHORT, LONG = 2.0, 4.0  # px of blur, up to which a frame says nothing of its path, and from which on it counts in full
+WEAKER, STRONG = 0.6, 0.9  # the same of the blur's strength: weaker blur says that more than the path is wrong
+SCATTER, ERROR, SHEAR = 3.0, 0.05, 0.3  # h, and f and g in px of these frames; chosen on clips of real scenes (docs/results.md)
 
 
-def corrected(
-    path: Trajectory, doubts: Sequence[Float[np.ndarray, "terms axes"]], predicted: Predicted, camera: Camera, flow: Flow | None = None
-) -> Trajectory:
-    """A frame's path, a polynomial, as its neighbours bear it out within its `doubts`; all along the scanlines."""
-    length = longest(camera, path)
-    if length <= SHORT or not doubts:
-        return path
-    moves, smaller, taken, along = np.stack(doubts), predicted, camera, path
-    while max(smaller.shown.shape) > LARGEST:
-        smaller, taken, along, flow = smaller.halved(), taken.halved(), halved_path(along), flow and flow.scaled(0.5)
-    scale = taken.intrinsics.fx / camera.intrinsics.fx
-    bent, slopes = changes(along, scale * moves, smaller.target, taken, flow)
-    found, strength = _likeliest(np.concatenate([bent, _beside(slopes, smaller)]), smaller, len(doubts))
-    share = between(length, SHORT, LONG) * between(strength, WEAKER, STRONG)
-    return path.with_coefficients(path.coefficients + share * np.tensordot(found, moves, 1))
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Taken:
+    """A frame of a run, in grey, and how it is believed to be blurred; along the scanlines, in px of its own."""
+
+    view: View
+    begins: float  # s of the clip
+    path: Trajectory  # within it, from the pose at the middle of its interval
+    pose: Float[np.ndarray, " axes"]  # there, against the other frames'
+    group: int  # frames whose points lead to one another are of one
+    flow: Flow | None  # of points beyond the path
+    scale: float  # of the frame as stored
+
+    @classmethod
+    def of(cls, frame: Frame, camera: Camera, begins: float, path: CameraPath, group: int, flow: Flow | None) -> "Taken":
+        """A frame that `small` has made, its camera and flow in px as stored."""
+        within_it, scale = within(path.spline, begins, camera.timing), 1.0
+        pose = path.spline.at(np.array([begins + camera.timing.middle]))[0]
+        while camera.intrinsics.rows > len(frame.pixels):
+            camera, within_it, flow, scale = camera.halved(), halved_path(within_it), flow and flow.scaled(0.5), scale / 2
+        return cls(
+            view=to_scanlines(frame, camera),
+            begins=begins,
+            path=within_it,
+            pose=pose * _unit(scale, len(pose)),
+            group=group,
+            flow=flow,
+            scale=scale,
+        )
+
+    @cached_property
+    def length(self) -> float:
+        """Px of its blur."""
+        return longest(self.view.camera, self.path)
+
+    @property
+    def followed(self) -> bool:
+        """Whether its path leads somewhere that a latent image can be solved along."""
+        return not (beyond(self.view.camera, self.path) or too_long(self.view, self.length))
 
 
-def changes(
-    path: Trajectory,
-    moves: Float[np.ndarray, "doubts terms axes"],
-    target: Float[np.ndarray, "rows cols"],
-    camera: Camera,
-    flow: Flow | None,
-) -> tuple[Float32[np.ndarray, "doubts rows cols"], Float32[np.ndarray, "2 rows cols"]]:
-    """J_m, and the slopes of K t in x and in y: Eq. (13) without its minus, of displacements and of a shift."""
-    rows, cols = target.shape
-    times = camera.timing.sample_times(max(LEAST_SAMPLES, math.ceil(longest(camera, path))))
-    poses = path.at(times) - path.at(np.array([camera.timing.middle]))
-    apart = path.basis(times) @ moves[:, None, :, :2]  # (doubts, rows, samples, 2)
-    apart = np.moveaxis(apart - apart.mean(axis=2, keepdims=True), 0, 1).astype(np.float32)
-    drift = flow and flow.everywhere(nodes(cols), rows)
-    steps = np.diff(target, axis=1, append=target[:, -1:]), np.diff(target, axis=0, append=target[-1:])
-    bent, slopes = np.zeros((rows, len(moves), cols), np.float32), np.zeros((2, rows, cols), np.float32)
-    for first in range(0, times.shape[1], AT_ONCE):
-        some = range(first, min(first + AT_ONCE, times.shape[1]))
-        found = np.empty((len(some), 2, rows, cols), np.float32)
-        for s, slope in zip(some, found, strict=True):
-            at = sampled_at(poses[:, s], times[:, s] - camera.timing.middle, camera, drift)
-            for axis, step in enumerate(steps):
-                x, y = (place - np.float32(0.5 * (a == axis)) for a, place in enumerate(at))  # a step lies between two pixels
-                cv2.remap(step, x, y, cv2.INTER_LINEAR, slope[axis], cv2.BORDER_REPLICATE)
-        slopes += found.sum(axis=0)
-        bent += apart[:, :, some].reshape(rows, len(moves), -1) @ np.moveaxis(found.reshape(-1, rows, cols), 1, 0)
-    return np.moveaxis(bent, 1, 0) / np.float32(times.shape[1]), slopes / np.float32(times.shape[1])
+def _unit(scale: float, axes: int) -> Float[np.ndarray, " axes"]:
+    """What a pose is multiplied with in a smaller frame."""
+    return np.array([scale, scale, 1])[:axes]
 
 
-def _beside(slopes: Float[np.ndarray, "2 rows cols"], predicted: Predicted) -> list[Float[np.ndarray, "rows cols"]]:
-    """N_n: what else may depart, the strength of the blur last."""
-    terms = legendre.legvander(np.linspace(-1, 1, len(predicted.shown)), BENDS - 1).astype(np.float32)
-    soft = cv2.GaussianBlur(predicted.blurred, (0, 0), SOFT)
-    curved = [cv2.Sobel(soft, -1, *orders, ksize=3, scale=scale) for orders, scale in (((2, 0), 1 / 4), ((0, 2), 1 / 4), ((1, 1), 1 / 4))]
-    lie = [term[:, None] * slope for term in terms.T for slope in slopes]
-    return [*lie, *curved, predicted.blurred - predicted.displaced]
+def small(view: View) -> Frame:
+    """The luminance of a frame, halved until its longer side has at most LARGEST px, along the scanlines."""
+    grey = replace(view, pixels=luminance(view.pixels)[..., None], clipped=any_channel(view.clipped)[..., None])
+    while max(grey.pixels.shape) > LARGEST:
+        grey = halved(grey)
+    return replace(view.source, pixels=grey.pixels, clipped=grey.clipped)
 
 
-def _likeliest(
-    departures: Float[np.ndarray, "unknowns rows cols"], predicted: Predicted, doubts: int
-) -> tuple[Float[np.ndarray, " doubts"], float]:
-    """x, and how strong the blur is, where 1 is as predicted."""
-    shown = predicted.shown.astype(np.float32)
-    left = shown * (predicted.observed - predicted.blurred)
-    spread = np.repeat([FREE, *BELIEVED], [doubts, 2 * BENDS, 3, 1])
-    first, _ = _least_squares(departures, left, shown * _explained(left, shown), spread)
-    still = left - np.tensordot(first.astype(np.float32), departures, 1)
-    found, scatter = _least_squares(departures, left, shown * _explained(still, shown), spread)
-    return np.linalg.solve(np.eye(doubts) + scatter[:doubts, :doubts], found[:doubts]), 1 + float(found[-1])
+def corrected(path: CameraPath, frames: Sequence[Taken], reach: int) -> CameraPath:
+    """The path of a run as its frames bear it out together, each with those up to `reach` before and behind it."""
+    drafts = threads.each(_draft, frames)
+
+    def shown(k: int) -> _Shown | None:
+        near = range(max(0, k - reach), min(len(frames), k + reach + 1))
+        return _shown(path, frames[k], drafts[k], [drafts[j].image for j in near if j != k and frames[j].group == frames[k].group])
+
+    precision, right = path.precision.copy(), np.zeros(len(path.precision))
+    for found in threads.each(shown, range(len(frames))):
+        if found:
+            precision += found.of_path.T @ found.precision @ found.of_path
+            right += found.of_path.T @ found.precision @ found.missing
+    coefficients = path.spline.coefficients
+    missing = np.linalg.solve(precision, right).reshape(coefficients.shape)
+    return replace(path, spline=path.spline.with_coefficients(coefficients + missing))
 
 
-def _least_squares(
-    departures: Float[np.ndarray, "unknowns rows cols"],
-    left: Float[np.ndarray, "rows cols"],
-    weight: Float[np.ndarray, "rows cols"],
-    spread: Float[np.ndarray, " unknowns"],
-) -> tuple[Float[np.ndarray, " unknowns"], Float[np.ndarray, "unknowns unknowns"]]:
-    """How much of each departure there is, and S."""
-    products, right = _by_block(departures, left, weight)
-    precision = INDEPENDENT * weight.sum(dtype=float) / max(float((weight * left**2).sum(dtype=float)), _NOTHING)
-    covariance = np.linalg.pinv(precision * products.sum(axis=0) + np.diag(1 / spread**2), hermitian=True)
-    found = covariance @ (precision * right.sum(axis=0))
-    apart = precision * (right - products @ found)
-    return found, covariance @ (apart.T @ apart) @ covariance * len(apart) / (len(apart) - 1)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Draft:
+    """A frame restored by itself."""
+
+    image: PosedImage
+    own: Float[np.ndarray, "rows cols"] | None = None  # the share of it that its data grant; None: all
 
 
-def _explained(left: Float[np.ndarray, "rows cols"], shown: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
-    """Cauchy's weights, of how much a patch about each pixel leaves unexplained."""
-    about = cv2.boxFilter((shown * left) ** 2, -1, (PATCH, PATCH))
-    middle = float(np.median(about[shown > 0])) if shown.any() else 0.0
-    return 1 / (1 + about / (UNEXPLAINED * middle + _NOTHING))
+def _draft(taken: Taken) -> _Draft:
+    """Straightened only where its blur is faint, or cannot be undone."""
+    view, covered = taken.view, None
+    if taken.length > FAINT and taken.followed:
+        noise = single_frame.model_noise(view, min(PATH_ERROR, taken.length))
+        alone = single_frame.restored(view, DRAFT, path=taken.path, noise=noise, flow=taken.flow, coverage=True)
+        latent, covered = alone.latent, alone.covered
+    else:
+        latent = straightened(view, taken.path, flow=taken.flow)
+    own = None if covered is None else observed(covered)
+    return _Draft(image=PosedImage(latent=latent, pose=taken.pose, length=taken.length), own=own)
 
 
-def _by_block(
-    departures: Float[np.ndarray, "unknowns rows cols"], left: Float[np.ndarray, "rows cols"], weight: Float[np.ndarray, "rows cols"]
-) -> tuple[Float[np.ndarray, "blocks unknowns unknowns"], Float[np.ndarray, "blocks unknowns"]]:
-    """The normal equations of each block of the frame."""
-    rows, cols = (np.linspace(0, side, parts + 1).round().astype(int) for side, parts in zip(left.shape, BLOCKS, strict=True))
-    products, right = [], []
-    for block in itertools.product(map(slice, rows[:-1], rows[1:]), map(slice, cols[:-1], cols[1:])):
-        part = departures[:, *block].reshape(len(departures), -1).astype(float)
-        weighted = part * weight[block].ravel()
-        products.append(weighted @ part.T)
-        right.append(weighted @ left[block].ravel())
-    return np.array(products), np.array(right)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Shown:
+    """What a frame says of the run's path: of_path @ what is missing of its coefficients = missing, with this precision."""
+
+    missing: Float[np.ndarray, " doubts"]
+    precision: Float[np.ndarray, "doubts doubts"]
+    of_path: Float[np.ndarray, "doubts unknowns"]
+
+
+def _shown(path: CameraPath, taken: Taken, draft: _Draft, others: Sequence[PosedImage]) -> _Shown | None:
+    """None where the frame's blur is too short, or too weak, to tell, and where no neighbour helps."""
+    if taken.length <= SHORT or not taken.followed or not (others := helpful(draft.image, others)):
+        return None
+    view, flow = taken.view, taken.flow
+    if not len((doubted := doubts(path, taken.begins, view.camera.timing)).moves):
+        return None
+    frame = single_frame.tiled_frame(view, taken.path, DRAFT, flow)
+    still = displaced(taken.path, view.camera, flow)
+    error = min(PATH_ERROR, taken.length)
+    both = fused(frame, draft.image, others, view.camera.intrinsics, view.noise, error, own=draft.own, displaced=still)
+    assert both.predicted
+    moves = doubted.moves * _unit(taken.scale, doubted.moves.shape[2])
+    found = departure(taken.path, moves, both.predicted, view.camera, flow)
+    share = between(taken.length, SHORT, LONG) * between(found.strength, WEAKER, STRONG)
+    if share == 0:
+        return None
+    sheared = SHEAR / taken.scale * doubted.shear
+    uncertain = SCATTER**2 * found.covariance + np.diag((ERROR / np.linalg.norm(moves, axis=(1, 2))) ** 2) + sheared @ sheared.T
+    return _Shown(missing=found.missing, precision=share * np.linalg.inv(uncertain), of_path=doubted.of_path)

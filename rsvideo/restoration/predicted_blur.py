@@ -15,8 +15,6 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from rsvideo.restoration.resolution import halved_image
-
 REGION = 25  # px over which beta is measured about a pixel
 INDEPENDENT = 1 / 9  # of these pixels, as noise and errors of neighbours go together over some px
 _Sums = np.ndarray | np.float64  # about each pixel, or over the frame
@@ -32,16 +30,6 @@ class Predicted:
     blurred: Float[np.ndarray, "rows cols"]  # K t
     displaced: Float[np.ndarray, "rows cols"]  # D t
     shown: Bool[np.ndarray, "rows cols"]  # where neighbours show the place, and b is not clipped
-
-    def halved(self) -> "Predicted":
-        """Means of two by two pixels, shown where all four are; an odd last row or column is left out."""
-        return Predicted(
-            observed=halved_image(self.observed),
-            target=halved_image(self.target),
-            blurred=halved_image(self.blurred),
-            displaced=halved_image(self.displaced),
-            shown=halved_image(self.shown.astype(np.float32)) == 1,
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

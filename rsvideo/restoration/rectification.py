@@ -1,5 +1,6 @@
 """A frame as a global shutter would show it: every scanline put where the camera pointed at the middle of the frame's interval."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -81,6 +82,14 @@ def read_out(
     when = timing.row_start() + timing.exposure / 2 - timing.middle
     drift = flow and flow.everywhere(nodes(camera.intrinsics.cols), camera.intrinsics.rows)
     return _lanczos(np.asarray(image, np.float32), *sampled_at(poses, when, camera, drift))
+
+
+def displaced(
+    path: Trajectory, camera: Camera, flow: Flow | None = None
+) -> Callable[[Float[np.ndarray, "rows cols"]], Float[np.ndarray, "rows cols"]]:
+    """How a path, and a field of velocities beside it, displace the scanlines of a picture that they do not blur."""
+    poses = scanline_poses(path, camera)
+    return lambda image: read_out(image[..., None], poses, camera, flow)[..., 0]
 
 
 def sampled_at(

@@ -8,7 +8,7 @@ import pytest
 
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, Trajectory, still
+from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.restoration import camera_path
 from rsvideo.restoration.camera_path import (
     CameraPath,
@@ -193,31 +193,39 @@ def test_a_motion_twice_as_large_is_as_certain_as_its_power_says(sure: Callable[
 
 
 @pytest.mark.parametrize("axes", [2, 3])
-def test_what_is_in_doubt_of_a_path_spreads_as_its_covariance_says_once_the_shear_is_certain(axes: int) -> None:
+def test_what_is_in_doubt_of_a_path_spreads_as_its_covariance_says(axes: int) -> None:
     path, begins = follow(exact(sway(axes)), BEGINS, TAKEN, axes), float(BEGINS[3])
     loose = replace(path, precision=path.precision / 100)
     found = doubts(loose, begins, TIMING)
-    lengths = np.array([np.linalg.norm(move) for move in found])
+    lengths = np.linalg.norm(found.moves, axis=(1, 2))
     assert (np.diff(lengths) <= 0).all()
-    assert not any(move[0].any() or move[:, 2:].any() for move in found)  # neither where the frame begins, nor roll
-    ends = [
-        Polynomial(t0=0.0, t1=TIMING.interval[1], coefficients=move).at(TIMING.sample_times(16)[[0, -1]]).mean(axis=1) for move in found
-    ]
-    assert max(np.abs(last - first)[:2].max() for first, last in ends) < 0.01 * lengths[0]
+    assert not found.moves[:, 0].any()  # neither where the frame begins,
+    assert not found.moves[..., 2:].any()  # nor roll
     move = windows(loose.spline, begins, TIMING)
     draws = np.linalg.solve(np.linalg.cholesky(loose.precision).T, np.random.default_rng(0).normal(size=(len(loose.precision), 4000))).T
-    drawn = np.einsum("tc,nca->nta", move, draws.reshape(len(draws), -1, axes))[..., :2]
-    basis = still(TIMING.interval, degree=len(move) - 1, axes=2).basis(TIMING.sample_times(16)[[0, -1]]).mean(axis=1)
-    shear = np.einsum("t,nta->na", basis[1] - basis[0], drawn)
-    apart = drawn[:, 1:].reshape(len(drawn), -1)
-    without = apart - shear @ np.linalg.lstsq(shear, apart, rcond=None)[0]  # what the shear does not tell of it
-    assert (lengths**2).sum() == pytest.approx((without**2).sum(axis=1).mean(), rel=0.1)  # the shortest are left out
+    drawn = np.einsum("tc,nca->nta", move, draws.reshape(len(draws), -1, axes))[:, 1:, :2]
+    assert (lengths**2).sum() == pytest.approx((drawn**2).sum(axis=(1, 2)).mean(), rel=0.1)  # the shortest are left out
+    counts = draws @ found.of_path.T
+    np.testing.assert_allclose(np.cov(counts.T), np.eye(len(counts.T)), atol=0.1)
+    left = drawn - np.einsum("nd,dta->nta", counts, found.moves[:, 1:, :2])
+    assert (left**2).sum() < 0.05 * (drawn**2).sum()
+
+
+def test_a_shear_is_made_of_the_doubts_that_displace_the_last_scanline_by_it() -> None:
+    path = follow(exact(sway(2)), BEGINS, TAKEN, 2)
+    found = doubts(replace(path, precision=path.precision / 100), float(BEGINS[3]), TIMING)
+    every = np.einsum("da,dtb->atb", found.shear, found.moves)
+    for axis, coefficients in enumerate(every):
+        bent = Polynomial(t0=0.0, t1=TIMING.interval[1], coefficients=coefficients)
+        first, last = bent.at(TIMING.sample_times(16)[[0, -1]]).mean(axis=1)
+        np.testing.assert_allclose(last - first, np.eye(2)[axis], atol=0.1)
 
 
 def test_a_sure_path_and_one_read_at_once_are_in_doubt_as_they_should_be() -> None:
     path, begins = follow(exact(sway(3)), BEGINS, TAKEN, 3), float(BEGINS[3])
-    assert doubts(replace(path, precision=path.precision * 1e9), begins, TIMING) == []
+    assert len(doubts(replace(path, precision=path.precision * 1e9), begins, TIMING).moves) == 0
     at_once = ShutterTiming(exposure=TIMING.exposure, row_time=0.0, rows=TIMING.rows)  # no scanline is displaced against another
     found = doubts(replace(path, precision=path.precision / 100), begins, at_once)
-    assert found
-    assert all(np.isfinite(move).all() for move in found)
+    assert len(found.moves)
+    assert np.isfinite(found.moves).all()
+    np.testing.assert_array_equal(found.shear, 0)

@@ -10,7 +10,7 @@ import pytest
 from rsvideo.frame import Frame, Verdict
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Polynomial, Trajectory, fit, still
+from rsvideo.physics.trajectory import Polynomial, Trajectory
 from rsvideo.progress import Observer, ignore
 from rsvideo.restoration import multi_frame, single_frame
 from rsvideo.restoration.clip_motion import gather
@@ -244,29 +244,6 @@ def test_a_path_whose_blur_is_not_there_is_not_straightened_along_where_the_clip
         return float(np.abs(results[2].latent - frames[2].pixels)[8:-8, 16:-16].mean())
 
     assert moved(shown=True) < 1e-6 < 0.01 < moved(shown=False)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("in_focus")
-def test_a_path_that_neighbours_contradict_is_corrected_where_points_leave_it_in_doubt() -> None:
-    moving, _, found = with_a_stranger()
-    t = np.linspace(*moving.timing.interval, 30)
-    assert found.within[2] is not None
-    true = fit(still(moving.timing.interval, degree=4, axes=3), t, found.within[2].at(t))
-    bent = np.zeros((5, 3))
-    bent[2, :2] = 0.5, -0.4  # px RMS
-    wrong = replace(found, within=[*found.within[:2], true.with_coefficients(true.coefficients + bent), *found.within[3:]])
-
-    def apart(doubts: list[np.ndarray]) -> float:
-        evidence = [replace(each, doubts=doubts if k == 2 else ()) for k, each in enumerate(found.evidence)]
-        results = list(multi_frame.restored(moving.recorded, replace(wrong, evidence=evidence), moving.camera, Settings(prior="tv")))
-        assert results[2].verdict is Verdict.RESTORED
-        return float(np.linalg.norm((results[2].trajectory.coefficients - true.coefficients)[2, :2]))
-
-    in_doubt = [np.zeros_like(bent), np.zeros_like(bent)]
-    in_doubt[0][2, 0] = in_doubt[1][2, 1] = 0.5
-    assert apart([]) == pytest.approx(float(np.hypot(0.5, 0.4)), abs=1e-6)
-    assert apart(in_doubt) < 0.25
 
 
 @pytest.mark.slow
