@@ -4,7 +4,7 @@
 
 CASES holds a folder a clip, as `layers.py --flat` makes it. The error is that of the places of five columns of all scanlines, against the
 pose at the middle of the frame's interval, px RMS; of each clip: along the path of its points as Lucas-Kanade finds them first, as they
-are found in matched blur, and as the path becomes by its blur. --set tries other numbers of rsvideo.restoration than the present ones.
+are found in matched blur, as the path becomes by its blur, and as the frames together correct it. --set tries other numbers of rsvideo.restoration than the present ones.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.trajectory import Spline
 from rsvideo.restoration.camera_path import within
-from rsvideo.restoration.clip_motion import Run, gather, in_matched_blur, path_from_tracks, refined_by_blur
+from rsvideo.restoration.clip_motion import Run, gather, in_matched_blur, path_from_tracks, refined_by_blur, refined_by_neighbours
 from rsvideo.restoration.rectification import scanline_poses
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import usual
@@ -51,10 +51,11 @@ def row_of(case: Path) -> dict:
     run = gather(decoded(case / "clip.mp4"), Camera(timing=timing, intrinsics=lens), Settings())
     matched = in_matched_blur(run)
     tracked = path_from_tracks(matched)
-    paths = path_from_tracks(run), tracked, refined_by_blur(matched, tracked, matched.followed)
-    first, again, blur = (errors(run, path.spline, motion) for path in paths)
+    by_blur = refined_by_blur(matched, tracked, matched.followed)
+    paths = path_from_tracks(run), tracked, by_blur, refined_by_neighbours(matched, by_blur)
+    first, again, blur, together = (errors(run, path.spline, motion) for path in paths)
     row = {"clip": case.name, "blur_px": facts["blur_extent_px"], "frames": len(first)}
-    for name, each in (("points", first), ("matched_blur", again), ("blur", blur)):
+    for name, each in (("points", first), ("matched_blur", again), ("blur", blur), ("neighbours", together)):
         row[name] = float(np.sqrt((each**2).mean()))
     print("| " + " | ".join(f"{v:.3f}" if isinstance(v, float) else str(v) for v in row.values()) + " |", flush=True)
     return row
@@ -70,7 +71,7 @@ def main() -> None:
     footage.try_numbers(args.set)
     rows = [row_of(f.parent) for f in sorted(args.cases.glob("*/motion.csv"))]
     summary = {"clips": len(rows), "frames": sum(row["frames"] for row in rows)}
-    for name in ("points", "matched_blur", "blur"):
+    for name in ("points", "matched_blur", "blur", "neighbours"):
         each = np.array([row[name] for row in rows])
         summary |= {f"{name}_px": float(np.sqrt((each**2).mean())), f"{name}_middle_px": float(np.median(each))}
     print()

@@ -57,7 +57,7 @@ STAGES: Stages = {
     "tracks": ((clip_motion, "gather"), (clip_motion, "path_from_tracks")),
     "spectra": ((search, "spectral_paths"),),
     "candidates": ((search, "estimate"),),
-    "refinement": ((search, "_answer"), (clip_motion, "refined_by_blur")),
+    "refinement": ((search, "_answer"), (clip_motion, "refined_by_blur"), (clip_motion, "refined_by_neighbours")),
     "verdict": ((single_frame, "judge"), (clip_motion, "evidence"), (clip_motion, "votes"), (multi_frame, "_judged")),
     "latent image": ((nonblind, "deblur"), (single_frame, "tiled_frame"), (multi_frame, "tiled_frame")),
     "denoiser": ((nonblind, "denoise"), (nonblind, "match")),
