@@ -4,7 +4,8 @@
 
 CASES holds a folder a clip, as `layers.py --flat` makes it. The error is that of the places of five columns of all scanlines, against the
 pose at the middle of the frame's interval, px RMS; of each clip: along the path of its points as Lucas-Kanade finds them first, as they
-are found in matched blur, as the path becomes by its blur, and as the frames together correct it. --set tries other numbers of rsvideo.restoration than the present ones.
+are found in matched blur, as the path becomes by its blur, and as the frames together correct it. --set tries other numbers of
+rsvideo.restoration than the present ones.
 """
 
 import argparse
