@@ -45,6 +45,7 @@ DRAFT = Settings(quality="draft")  # how a frame is restored for it
 FAINT = 1.5  # px of blur in these, up to which a frame is straightened only
 SHORT, LONG = 2.0, 4.0  # px of blur, up to which a frame says nothing of its path, and from which on it counts in full
 WEAKER, STRONG = 0.6, 0.9  # the same of the blur's strength: weaker blur says that more than the path is wrong
+LEAST_SHOWN = 0.25  # of a frame, that its neighbours must show: a part of it has too few blocks to disagree
 SCATTER, ERROR, SHEAR = 3.0, 0.05, 0.3  # h, and f and g in px of these frames; chosen on clips of real scenes (docs/results.md)
 
 
@@ -150,7 +151,7 @@ class _Shown:
 
 
 def _shown(path: CameraPath, taken: Taken, draft: _Draft, others: Sequence[PosedImage]) -> _Shown | None:
-    """None where the frame's blur is too short, or too weak, to tell, and where no neighbour helps."""
+    """None where the frame's blur is too short, or too weak, to tell, and where neighbours show too little of it."""
     if taken.length <= SHORT or not taken.followed or not (others := helpful(draft.image, others)):
         return None
     view, flow = taken.view, taken.flow
@@ -161,6 +162,8 @@ def _shown(path: CameraPath, taken: Taken, draft: _Draft, others: Sequence[Posed
     error = min(PATH_ERROR, taken.length)
     both = fused(frame, draft.image, others, view.camera.intrinsics, view.noise, error, own=draft.own, displaced=still)
     assert both.predicted
+    if both.predicted.shown.mean() < LEAST_SHOWN:
+        return None
     moves = doubted.moves * _unit(taken.scale, doubted.moves.shape[2])
     found = departure(taken.path, moves, both.predicted, view.camera, flow)
     share = between(taken.length, SHORT, LONG) * between(found.strength, WEAKER, STRONG)

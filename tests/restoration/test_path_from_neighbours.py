@@ -71,8 +71,10 @@ def test_frames_without_neighbours_correct_nothing() -> None:
     np.testing.assert_array_equal(corrected(path, taken(path, (0, 1, 2, 3, 4)), 3).spline.coefficients, path.spline.coefficients)
 
 
-def test_blur_too_short_to_tell_corrects_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(path_from_neighbours, "SHORT", 100.0)
+@pytest.mark.parametrize(("number", "least"), [("SHORT", 100.0), ("WEAKER", 2.0), ("LEAST_SHOWN", 1.1)])
+def test_blur_too_short_or_weak_and_too_small_a_part_correct_nothing(monkeypatch: pytest.MonkeyPatch, number: str, least: float) -> None:
+    monkeypatch.setattr(path_from_neighbours, number, least)
+    monkeypatch.setattr(path_from_neighbours, "STRONG", 3.0 if number == "WEAKER" else path_from_neighbours.STRONG)
     path = wrong()
     np.testing.assert_array_equal(corrected(path, taken(path), 3).spline.coefficients, path.spline.coefficients)
 
