@@ -40,7 +40,7 @@ from rsvideo.restoration.camera_path import (
 from rsvideo.restoration.extent import longest
 from rsvideo.restoration.focus import focus, focus_value
 from rsvideo.restoration.matched_blur import Exposed, followed_again
-from rsvideo.restoration.movement import Evidence, Movement
+from rsvideo.restoration.movement import Evidence, Movement, groups
 from rsvideo.restoration.parallax import Flow, Points, concatenated, flows
 from rsvideo.restoration.path_from_neighbours import Taken, corrected, small
 from rsvideo.restoration.refinement import SCALE
@@ -264,10 +264,9 @@ def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frame
 
 def refined_by_neighbours(run: Run, path: CameraPath) -> CameraPath:
     """The path as the frames show it together."""
-    groups, flows_beside = np.cumsum([0, *(not t for t in run.tied[:-1])]), beside(run, path)
     frames = [
-        Taken.of(frame, run.camera.exposed(float(run.exposures[k])), run.opens(k), path, int(groups[k]), flows_beside[k])
-        for k, frame in enumerate(run.small)
+        Taken.of(frame, run.camera.exposed(float(run.exposures[k])), run.opens(k), path, int(group), flow)
+        for k, (frame, group, flow) in enumerate(zip(run.small, groups(run.tied), beside(run, path), strict=True))
     ]
     return corrected(path, frames, run.effort.neighbours)
 

@@ -86,6 +86,11 @@ class Movement:
         return replace(self, within=within, steps=direction.poses_in_image(self.steps))
 
 
+def groups(tied: Sequence[bool]) -> Int[np.ndarray, " frames"]:
+    """The number of the group that each frame is in: within it, points lead from frame to frame. `tied` is `Movement`'s."""
+    return np.cumsum([0, *(not followed for followed in tied[:-1])])
+
+
 def joined(
     begins: Float[np.ndarray, " frames"],
     within: Sequence[tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ axes"]]],  # samples, as many as each exposure has

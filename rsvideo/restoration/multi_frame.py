@@ -15,7 +15,7 @@ from rsvideo.restoration import nonblind, search, single_frame
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.fusion import Fused, PosedImage, fused, helpful
-from rsvideo.restoration.movement import Evidence, Movement
+from rsvideo.restoration.movement import Evidence, Movement, groups
 from rsvideo.restoration.predicted_blur import confirmed
 from rsvideo.restoration.rectification import Share, displaced, straightened
 from rsvideo.restoration.resolution import too_long
@@ -73,7 +73,7 @@ def restored(
     reach = settings.effort.neighbours if settings.frames == "together" else 0
     movement = movement.along_scanlines(camera.timing.direction)
     poses = np.vstack([np.zeros((1, movement.steps.shape[1])), np.cumsum(movement.steps[:-1], axis=0)])
-    group = np.cumsum([0, *(not t for t in movement.tied[:-1])])
+    group = groups(movement.tied)
     waiting: dict[int, _Waiting] = {}
 
     def ready(k: int) -> FrameResult:

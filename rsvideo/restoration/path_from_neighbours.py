@@ -35,7 +35,7 @@ from rsvideo.restoration.extent import beyond, longest
 from rsvideo.restoration.fusion import PosedImage, fused, helpful
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.rectification import displaced, straightened
-from rsvideo.restoration.resolution import halved, halved_path, too_long
+from rsvideo.restoration.resolution import halved, halved_path, pose_factors, too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.settings import Settings
 from rsvideo.restoration.trust import between, observed
@@ -72,7 +72,7 @@ class Taken:
             view=to_scanlines(frame, camera),
             begins=begins,
             path=within_it,
-            pose=pose * _unit(scale, len(pose)),
+            pose=pose * pose_factors(scale, len(pose)),
             group=group,
             flow=flow,
             scale=scale,
@@ -87,11 +87,6 @@ class Taken:
     def followed(self) -> bool:
         """Whether its path leads somewhere that a latent image can be solved along."""
         return not (beyond(self.view.camera, self.path) or too_long(self.view, self.length))
-
-
-def _unit(scale: float, axes: int) -> Float[np.ndarray, " axes"]:
-    """What a pose is multiplied with in a smaller frame."""
-    return np.array([scale, scale, 1])[:axes]
 
 
 def small(view: View) -> Frame:
@@ -164,7 +159,7 @@ def _shown(path: CameraPath, taken: Taken, draft: _Draft, others: Sequence[Posed
     assert both.predicted
     if both.predicted.shown.mean() < LEAST_SHOWN:
         return None
-    moves = doubted.moves * _unit(taken.scale, doubted.moves.shape[2])
+    moves = doubted.moves * pose_factors(taken.scale, doubted.moves.shape[2])
     found = departure(taken.path, moves, both.predicted, view.camera, flow)
     share = between(taken.length, SHORT, LONG) * between(found.strength, WEAKER, STRONG)
     if share == 0:

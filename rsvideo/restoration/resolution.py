@@ -15,7 +15,6 @@ from rsvideo.restoration.scanlines import View
 
 WHOLE_REACH = 60.0  # px of blur, beyond which a frame is solved for at half the resolution
 SMALLEST = 160  # px, the shorter side that half the resolution must have
-_HALF = 0.5, 0.5, 1.0  # of a pose: px, px and rad
 
 
 def too_long(view: View, length: float) -> bool:
@@ -38,9 +37,14 @@ def halved_image(image: Shaped[np.ndarray, "rows cols *channels"]) -> Shaped[np.
     return np.asarray(cv2.resize(image[: 2 * rows, : 2 * cols], (cols, rows), interpolation=cv2.INTER_AREA))
 
 
+def pose_factors(scale: float, axes: int) -> Float[np.ndarray, " axes"]:
+    """What a pose is multiplied with in a frame `scale` times as large: (x, y) or (x, y, roll)."""
+    return np.array([scale, scale, 1])[:axes]
+
+
 def halved_path(path: Trajectory) -> Trajectory:
     """The path in px of the halved frame."""
-    return path.with_coefficients(path.coefficients * _HALF[: path.coefficients.shape[1]])
+    return path.with_coefficients(path.coefficients * pose_factors(0.5, path.coefficients.shape[1]))
 
 
 def doubled(image: Float[np.ndarray, "rows cols channels"], like: Float[np.ndarray, "all_rows all_cols channels"]) -> np.ndarray:

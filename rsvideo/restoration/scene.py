@@ -16,7 +16,7 @@ from rsvideo.physics.noise_level import noise_level
 from rsvideo.physics.tiles import Tile, split
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.resolution import halved_image
+from rsvideo.restoration.resolution import halved_image, pose_factors
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Device, Settings
 
@@ -59,7 +59,7 @@ class Scene:
 
     def unit(self, axes: int) -> Float[np.ndarray, " axes"]:
         """What a pose is multiplied with in this frame: (x, y) or (x, y, roll)."""
-        return np.array([self.scale, self.scale, 1])[:axes]
+        return pose_factors(self.scale, axes)
 
     def scaled(self, trajectory: Trajectory) -> Trajectory:
         """The path in px of this frame."""

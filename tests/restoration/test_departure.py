@@ -18,7 +18,7 @@ from rsvideo.restoration.nonblind import tiled
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.path_from_neighbours import STRONG, WEAKER
 from rsvideo.restoration.predicted_blur import Predicted
-from rsvideo.restoration.rectification import read_out, scanline_poses
+from rsvideo.restoration.rectification import displaced
 
 ROWS, COLS = 120, 240
 TIMING = ShutterTiming.from_readout(exposure=0.02, readout=0.02, rows=ROWS)
@@ -43,7 +43,7 @@ def predicted(taken: simulate.Rendering, found: Trajectory, *, camera: Camera = 
     clipped = np.zeros(taken.blurred.shape, bool)
     frame = tiled(taken.blurred.astype(np.float32), clipped, found, camera, samples=16, tolerance=0.25)
     sharp = taken.truth.mean(axis=-1).astype(np.float32) if target is None else target
-    still = read_out(sharp[..., None], scanline_poses(found, camera), camera)[..., 0]
+    still = displaced(found, camera)(sharp)
     observed = taken.blurred.mean(axis=-1).astype(np.float32)
     inner = EVERYWHERE.copy()
     inner[:8], inner[-8:], inner[:, :8], inner[:, -8:] = (False,) * 4

@@ -16,7 +16,7 @@ MOVING = Moving(frames=5, reach=20.0)
 
 
 def taken(path: CameraPath, groups: tuple[int, ...] = (0,) * 5) -> list[Taken]:
-    """The frames along a path, s."""
+    """The frames along a path."""
     every = zip(MOVING.recorded, groups, strict=True)
     return [Taken.of(small(to_scanlines(frame, MOVING.camera)), MOVING.camera, frame.time, path, group, None) for frame, group in every]
 
@@ -71,10 +71,10 @@ def test_frames_without_neighbours_correct_nothing() -> None:
     np.testing.assert_array_equal(corrected(path, taken(path, (0, 1, 2, 3, 4)), 3).spline.coefficients, path.spline.coefficients)
 
 
-@pytest.mark.parametrize(("number", "least"), [("SHORT", 100.0), ("WEAKER", 2.0), ("LEAST_SHOWN", 1.1)])
-def test_blur_too_short_or_weak_and_too_small_a_part_correct_nothing(monkeypatch: pytest.MonkeyPatch, number: str, least: float) -> None:
-    monkeypatch.setattr(path_from_neighbours, number, least)
-    monkeypatch.setattr(path_from_neighbours, "STRONG", 3.0 if number == "WEAKER" else path_from_neighbours.STRONG)
+@pytest.mark.parametrize("limits", [{"SHORT": 100.0}, {"WEAKER": 2.0, "STRONG": 3.0}, {"LEAST_SHOWN": 1.1}])
+def test_blur_too_short_or_weak_and_too_small_a_part_correct_nothing(monkeypatch: pytest.MonkeyPatch, limits: dict[str, float]) -> None:
+    for number, limit in limits.items():
+        monkeypatch.setattr(path_from_neighbours, number, limit)
     path = wrong()
     np.testing.assert_array_equal(corrected(path, taken(path), 3).spline.coefficients, path.spline.coefficients)
 
