@@ -18,6 +18,7 @@ from rsvideo.gpu.collaborative_filter import Matches, denoise, match
 from rsvideo.gpu.device import DeviceMemoryError
 from rsvideo.gpu.row_fourier import RowFourier, row_fourier
 from rsvideo.gpu.total_variation import completed, joined, split
+from rsvideo.physics.channels import any_channel
 from rsvideo.physics.row_fourier import Extent, extent
 from rsvideo.physics.tiles import Tile
 
@@ -118,7 +119,7 @@ class DeviceFrame:
     ) -> None:
         self.cut, self.weights = cut, weights
         self.offsets, self.reach = offsets, extent(offsets, max(tile.last - tile.first for tile in cut))
-        self._pixels, self._valid = pixels, (~clipped).astype(np.float32)
+        self._pixels, self._clipped = pixels, clipped
         self.planes, self.data = self.from_host(pixels), xp.ascontiguousarray(xp.moveaxis(xp.asarray(~clipped), 2, 0))
         self._at_a_time = len(cut)  # tiles; fewer once memory has run out
         self._kept: System | None = None  # of all tiles, where they are worked on at once
@@ -134,9 +135,9 @@ class DeviceFrame:
         rows, cols, channels = self._pixels.shape
         return rows, cols, channels
 
-    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
-        """The frame b, and 1 where it is data, both in the host's memory."""
-        return self._pixels, self._valid
+    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols"]]:
+        """The frame b, and 1 where it is data in all channels, both in the host's memory."""
+        return self._pixels, (~any_channel(self._clipped)).astype(np.float32)
 
     def from_host(self, image: Float[np.ndarray, "rows cols channels"]) -> Array:
         """A picture on the device."""

@@ -4,9 +4,10 @@ With roll, or a wide lens, the path of a pixel also depends on its column, but s
 its middle column serves them all, and the tile keeps the exact row-Fourier solver of a shift.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -40,6 +41,22 @@ class Tile:
         columns = np.arange(self.first, self.last)
         depth = np.minimum(columns - self.start, self.stop - 1 - columns) + overlap + 1  # 1 at the outermost shared column
         return np.clip(depth / (2 * overlap), 0, 1).astype(np.float32)
+
+
+class MadeAnew(Sequence[Any]):
+    """What belongs to each tile, made on its use, and not kept."""
+
+    def __init__(self, make: Callable[[int], Any], count: int) -> None:
+        self._make, self._count = make, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, k: Any) -> Any:
+        """Of tile `k`."""
+        if not 0 <= k < self._count:
+            raise IndexError(k)
+        return self._make(k)
 
 
 def split(cols: int, count: int, overlap: int) -> list[Tile]:

@@ -26,8 +26,8 @@ class BlurredFrame(Protocol):
         """Rows, columns, channels."""
         ...
 
-    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
-        """The frame b, and 1 where it is data."""
+    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols"]]:
+        """The frame b, and 1 where it is data in all channels."""
         ...
 
     def blurred(self, image: Any) -> Any:

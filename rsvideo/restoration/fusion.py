@@ -20,7 +20,6 @@ from jaxtyping import Bool, Float
 
 from rsvideo import threads
 from rsvideo.physics.camera import Intrinsics, resampled_at
-from rsvideo.physics.channels import least_channel
 from rsvideo.physics.luminance import LIFT
 from rsvideo.restoration import alignment, device_frame
 from rsvideo.restoration.alignment import grey, misaligned, sampled, softened
@@ -102,8 +101,8 @@ def fused(
     weights = np.float32(first.weight) * share
     if frame.device == "cuda":
         return _fused_there(frame, first, others, intrinsics, noise, error, weights, displaced)
-    pixels, valid = frame.observed()
-    observed, unclipped = grey(pixels), least_channel(valid)
+    pixels, unclipped = frame.observed()
+    observed = grey(pixels)
 
     def unexplained(image: Float[np.ndarray, "rows cols channels"]) -> Float[np.ndarray, "rows cols"]:
         return unclipped * (frame.blurred(grey(image)) - observed) ** 2

@@ -19,10 +19,10 @@ from jaxtyping import Bool, Float
 from rsvideo import threads
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
-from rsvideo.physics.channels import least_channel
+from rsvideo.physics.channels import any_channel, planes
 from rsvideo.physics.luminance import LIFT
 from rsvideo.physics.row_fourier import Extent, Grid, RowFourier, extent, row_fourier
-from rsvideo.physics.tiles import Tile
+from rsvideo.physics.tiles import MadeAnew, Tile
 from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.parallax import Flow, displacement
@@ -35,7 +35,7 @@ from rsvideo.solvers.total_variation import total_variation as admm
 from rsvideo.threads import loop, spread
 
 WIDEST = 512  # columns of a tile, its overlaps aside: tiles are worked on side by side, and small ones stay in the processor's caches
-LARGEST = 8e8  # bytes of a tile's systems; a frame whose tiles need more together has them made anew on each pass
+LARGEST = 8e8  # bytes of a tile's symbol, normal matrix and factor; a frame whose tiles need more together has them made on each pass
 OVERLAP = 24  # columns over which neighbouring tiles are blended; origin: by trial
 TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term; origin: by trial
 TV_AHEAD = 0.8  # of a step of what is completed, by which it is carried on: it takes half as many; below 1, or it does not settle
@@ -54,12 +54,17 @@ SamplesOf = Callable[[Tile], tuple[Float[np.ndarray, "rows samples 2"], Float[np
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TileSystem:
-    """One tile's frame, blur and normal matrix."""
+    """One tile's frame and blur."""
 
     op: RowFourier
-    normal: BandedHermitian  # K^H K
     frame: Float[np.ndarray, "*channels rows cols"]
     valid: Float[np.ndarray, "*channels rows cols"]  # 1 where the sample is data, 0 where it is clipped
+
+    @property
+    def normal(self) -> BandedHermitian:
+        """K^H K, made anew for each factorisation: to keep it would take as much memory as K."""
+        re, im = self.op.gram()
+        return BandedHermitian(re=re, im=im, frequencies=self.op.frequencies)
 
     @cached_property
     def completed(self) -> Float[np.ndarray, "*channels rows period"]:
@@ -114,10 +119,7 @@ def tile_system(
     weights: Float[np.ndarray, "rows samples"] | None = None,
 ) -> TileSystem:
     """The system of a tile whose scanlines sample the latent image at `offsets`, all with the same weight by default."""
-    op = row_fourier(offsets, frame.shape[-1], weights=weights)
-    re, im = op.gram()
-    normal = BandedHermitian(re=re, im=im, frequencies=op.frequencies)
-    return TileSystem(op=op, normal=normal, frame=frame, valid=valid)
+    return TileSystem(op=row_fourier(offsets, frame.shape[-1], weights=weights), frame=frame, valid=valid)
 
 
 def exact_update(system: TileSystem, rho: float) -> LatentUpdate[np.ndarray]:
@@ -150,7 +152,7 @@ class TiledFrame:
     """A frame as column tiles that overlap, each with its exact blur; they are worked on side by side, where memory holds them together."""
 
     pixels: Float[np.ndarray, "rows cols channels"]
-    valid: Float[np.ndarray, "rows cols channels"]  # 1 where the sample is data
+    unclipped: Float[np.ndarray, "rows cols"]  # 1 where the samples of all channels are data
     cut: list[Tile]
     grids: Sequence[Grid]  # of each tile
     systems: Sequence[TileSystem]  # of each tile, all channels; made anew on each pass where memory does not hold them together
@@ -166,9 +168,9 @@ class TiledFrame:
         rows, cols, channels = self.pixels.shape
         return rows, cols, channels
 
-    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols channels"]]:
-        """The frame b, and 1 where it is data."""
-        return self.pixels, self.valid
+    def observed(self) -> tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "rows cols"]]:
+        """The frame b, and 1 where it is data in all channels."""
+        return self.pixels, self.unclipped
 
     def blurred(self, image: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
         """K image, what lies beyond it continued from its borders."""
@@ -183,7 +185,7 @@ class TiledFrame:
 
     def covered(self) -> Float[np.ndarray, "rows cols"]:
         """K^T 1 over what is data in all channels: how much of each latent pixel's light was observed, 1 where all of it was."""
-        data = least_channel(self.valid)
+        data = self.unclipped
         out = np.empty_like(data)
 
         def cover(tile: Tile, system: TileSystem) -> None:
@@ -202,8 +204,12 @@ class TiledFrame:
 
     def towards(self, target: Float[np.ndarray, "rows cols channels"], ridge: float) -> Float[np.ndarray, "rows cols channels"]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""
-        latents = [grid.extended(planes(target, tile)) for grid, tile in zip(self.grids, self.cut, strict=True)]
-        return self.blended(self.nearest(latents, target, ridge))
+
+        def solved(tile: Tile, system: TileSystem) -> np.ndarray:
+            aim = planes(target, slice(tile.first, tile.last))
+            return system.crop(_towards(system, system.op.extended(aim), aim, ridge)).copy()  # without what lies beyond the frame
+
+        return self._joined(self._of_each(solved, self.cut))
 
     def total_variation(self, mu: float, *, steps: int) -> list[np.ndarray]:
         """The latent images of each tile under total variation."""
@@ -211,18 +217,26 @@ class TiledFrame:
 
     def nearest(self, latents: list[np.ndarray], target: Float[np.ndarray, "rows cols channels"], ridge: float) -> list[np.ndarray]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
-        wanted = [(latent, planes(target, tile)) for latent, tile in zip(latents, self.cut, strict=True)]
-        return self._of_each(lambda each, system: _towards(system, each[0], each[1], ridge), wanted)
+        given = list(zip(latents, self.cut, strict=True))
+        return self._of_each(
+            lambda each, system: _towards(system, each[0], planes(target, slice(each[1].first, each[1].last)), ridge), given
+        )
 
     def blended(self, latents: list[np.ndarray]) -> Float[np.ndarray, "rows cols channels"]:
-        """The tiles' latent images joined over their overlaps by linear weights."""
+        """The picture that the tiles' latent images make."""
+        sides = [(self.shape[0], tile.last - tile.first) for tile in self.cut]
+        return self._joined([grid.crop(latent, *side) for grid, latent, side in zip(self.grids, latents, sides, strict=True)])
+
+    def _joined(self, pictures: list[np.ndarray]) -> Float[np.ndarray, "rows cols channels"]:
+        """Pictures (channels, rows, tile) of the tiles joined over their overlaps by linear weights."""
         rows, cols, channels = self.shape
         image, total = np.zeros((channels, rows, cols), np.float32), np.zeros(cols, np.float32)
-        for tile, grid, latent in zip(self.cut, self.grids, latents, strict=True):
+        for tile, picture in zip(self.cut, pictures, strict=True):
             weight, columns = tile.weight(OVERLAP), slice(tile.first, tile.last)
             total[columns] += weight
-            image[..., columns] += weight * grid.crop(latent, rows, tile.last - tile.first)
-        return cv2.merge([*(image / total)]).reshape(self.shape)
+            image[..., columns] += weight * picture
+        image /= total
+        return cv2.merge([*image]).reshape(self.shape)
 
     def unexplained(self, latents: list[np.ndarray]) -> float:
         """The mean square of b - K l over what was observed, away from the tiles' sides, in all channels."""
@@ -301,42 +315,22 @@ def tiled_from(
     clipped: Bool[np.ndarray, "rows cols channels"],
 ) -> TiledFrame:
     """The frame whose scanlines sample the latent image, in each tile, at those offsets with those weights."""
-    valid = (~clipped).astype(np.float32)
+    frame, valid = planes(pixels), 1 - planes(clipped)
 
     def made(k: int) -> TileSystem:
         offsets, weights = samples_of(cut[k])
-        return tile_system(offsets, planes(pixels, cut[k]), planes(valid, cut[k]), weights)
+        columns = slice(cut[k].first, cut[k].last)
+        return tile_system(offsets, frame[..., columns], valid[..., columns], weights)
 
     reaches = _extents(cut, samples_of)
     together = sum(each.system_bytes for each in reaches) <= LARGEST
     systems = threads.each(made, range(len(cut))) if together else MadeAnew(made, len(cut))
-    return TiledFrame(pixels=pixels, valid=valid, cut=cut, grids=reaches, systems=systems)
-
-
-def planes(image: Float[np.ndarray, "rows cols channels"], tile: Tile) -> Float[np.ndarray, "channels rows tile"]:
-    """What a tile sees of a picture, channel by channel."""
-    part = np.ascontiguousarray(image[:, tile.first : tile.last], np.float32)
-    return np.stack(cv2.split(part))
+    unclipped = (~any_channel(clipped)).astype(np.float32)
+    return TiledFrame(pixels=pixels, unclipped=unclipped, cut=cut, grids=reaches, systems=systems)
 
 
 def _extents(cut: list[Tile], samples_of: SamplesOf) -> list[Extent]:
     return [extent(samples_of(tile)[0], tile.last - tile.first) for tile in cut]
-
-
-class MadeAnew(Sequence[TileSystem]):
-    """Systems of tiles, each made on its use, and not kept."""
-
-    def __init__(self, make: Callable[[int], TileSystem], count: int) -> None:
-        self._make, self._count = make, count
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, k: Any) -> Any:
-        """Of tile `k`."""
-        if not 0 <= k < self._count:
-            raise IndexError(k)
-        return self._make(k)
 
 
 def deblur(frame: BlurredFrame, settings: Settings, noise: float) -> Iterator[Any]:

@@ -159,7 +159,7 @@ def test_what_no_scanline_saw_and_what_clipped_is_completed_from_the_model():
 
 def in_tiles(cut, systems) -> TiledFrame:
     blank = np.zeros((ROWS, COLS, 1), np.float32)
-    return TiledFrame(pixels=blank, valid=blank, cut=cut, grids=[system.op for system in systems], systems=systems)
+    return TiledFrame(pixels=blank, unclipped=blank[..., 0], cut=cut, grids=[system.op for system in systems], systems=systems)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
