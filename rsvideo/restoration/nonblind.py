@@ -8,7 +8,6 @@ and the columns beyond its sides, like clipped pixels, are completed from the mo
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import islice
 from typing import Any, Literal, no_type_check
 
@@ -66,7 +65,7 @@ class TileSystem:
         re, im = self.op.gram()
         return BandedHermitian(re=re, im=im, frequencies=self.op.frequencies)
 
-    @cached_property
+    @property
     def completed(self) -> Float[np.ndarray, "*channels rows period"]:
         """The frame, its sides joined smoothly."""
         frame, op = self.frame, self.op
