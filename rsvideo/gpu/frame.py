@@ -165,7 +165,7 @@ class DeviceFrame:
         def solved(system: System, some: slice) -> Array:
             aim = latents[some].copy()
             for t, tile in enumerate(self.cut[some]):
-                self._crop(aim[t], tile)[...] = target[..., tile.first : tile.last]
+                self._crop(aim[t], tile)[...] = target[..., tile.columns]
             return system.nearest(latents[some], aim, ridge)
 
         return self._of_all(solved)
@@ -176,8 +176,8 @@ class DeviceFrame:
         image, total = xp.zeros((channels, rows, cols), xp.float32), np.zeros(cols, np.float32)
         for tile, latent in zip(self.cut, latents, strict=True):
             weight = tile.weight(self.weights.overlap)
-            total[tile.first : tile.last] += weight
-            image[..., tile.first : tile.last] += xp.asarray(weight) * self._crop(latent, tile)
+            total[tile.columns] += weight
+            image[..., tile.columns] += xp.asarray(weight) * self._crop(latent, tile)
         return image / xp.asarray(total)
 
     def unexplained(self, latents: Array) -> float:
@@ -211,7 +211,7 @@ class DeviceFrame:
         shown = xp.zeros((len(self.cut), 1, rows, self.reach.period), xp.float32)
         for t, tile in enumerate(self.cut):
             end = self.reach.left + tile.last - tile.first
-            shown[t, 0, :, self.reach.left : end] = data[:, tile.first : tile.last]
+            shown[t, 0, :, self.reach.left : end] = data[:, tile.columns]
             if tile.first:  # the frame goes on beyond the tile
                 shown[t, 0, :, : self.reach.left] = data[:, tile.first, None]
             if tile.last < cols:
@@ -240,7 +240,7 @@ class DeviceFrame:
         return xp.stack(
             [
                 xp.pad(
-                    image[..., tile.first : tile.last],
+                    image[..., tile.columns],
                     ((0, 0), down, (reach.left, reach.period - reach.left - (tile.last - tile.first))),
                     mode="edge",
                 )
@@ -266,7 +266,7 @@ class DeviceFrame:
         if self._kept:
             return self._kept
         tiles = self.cut[some]
-        frames, valid = ([whole[..., tile.first : tile.last] for tile in tiles] for whole in (self.planes, self.data))
+        frames, valid = ([whole[..., tile.columns] for tile in tiles] for whole in (self.planes, self.data))
         reach = self.reach.part(some.start, some.stop)
         system = System.of(self.offsets[some], reach, frames, valid)
         if len(tiles) == len(self.cut):

@@ -32,6 +32,11 @@ class Tile:
     stop: int
 
     @property
+    def columns(self) -> slice:
+        """What the tile reads of a frame's columns."""
+        return slice(self.first, self.last)
+
+    @property
     def middle(self) -> float:
         """The column whose path stands for the tile."""
         return 0.5 * (self.start + self.stop - 1)

@@ -22,9 +22,8 @@ def energy(scene: Scene, trajectory: Trajectory) -> float:
     total = pixels = 0.0
     trajectory = scene.scaled(trajectory)
     for tile in tiles.split(scene.camera.intrinsics.cols, count, 0):
-        columns = slice(tile.first, tile.last)
         offsets = tiles.displacement(tile, trajectory, scene.camera, scene.samples)
-        system = tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
+        system = tile_system(offsets, scene.frame[:, tile.columns], scene.valid[:, tile.columns])
         op = system.op
         latent = total_variation(system, mu, steps=STEPS)
         blurred = system.blurred(latent)[:, op.left : op.left + op.cols]

@@ -176,7 +176,7 @@ class TiledFrame:
         out = np.empty_like(image)
 
         def blur(tile: Tile, system: TileSystem) -> None:
-            b = system.blurred(system.op.extended(image[:, tile.first : tile.last]))
+            b = system.blurred(system.op.extended(image[:, tile.columns]))
             out[:, tile.start : tile.stop] = b[:, system.op.left + tile.start - tile.first : system.op.left + tile.stop - tile.first]
 
         self._of_each(blur, self.cut)
@@ -190,7 +190,7 @@ class TiledFrame:
         def cover(tile: Tile, system: TileSystem) -> None:
             op, end = system.op, system.op.left + system.op.cols
             shown = np.zeros((op.rows, op.period), np.float32)
-            shown[:, op.left : end] = data[:, tile.first : tile.last]
+            shown[:, op.left : end] = data[:, tile.columns]
             if tile.first:  # the frame goes on beyond the tile
                 shown[:, : op.left] = shown[:, op.left, None]
             if tile.last < data.shape[1]:
@@ -205,7 +205,7 @@ class TiledFrame:
         """argmin_l |K l - b|^2 + ridge |l - target|^2."""
 
         def solved(tile: Tile, system: TileSystem) -> np.ndarray:
-            aim = planes(target, slice(tile.first, tile.last))
+            aim = planes(target, tile.columns)
             return system.crop(_towards(system, system.op.extended(aim), aim, ridge)).copy()  # without what lies beyond the frame
 
         return self._joined(self._of_each(solved, self.cut))
@@ -217,9 +217,7 @@ class TiledFrame:
     def nearest(self, latents: list[np.ndarray], target: Float[np.ndarray, "rows cols channels"], ridge: float) -> list[np.ndarray]:
         """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
         given = list(zip(latents, self.cut, strict=True))
-        return self._of_each(
-            lambda each, system: _towards(system, each[0], planes(target, slice(each[1].first, each[1].last)), ridge), given
-        )
+        return self._of_each(lambda each, system: _towards(system, each[0], planes(target, each[1].columns), ridge), given)
 
     def blended(self, latents: list[np.ndarray]) -> Float[np.ndarray, "rows cols channels"]:
         """The picture that the tiles' latent images make."""
@@ -231,9 +229,9 @@ class TiledFrame:
         rows, cols, channels = self.shape
         image, total = np.zeros((channels, rows, cols), np.float32), np.zeros(cols, np.float32)
         for tile, picture in zip(self.cut, pictures, strict=True):
-            weight, columns = tile.weight(OVERLAP), slice(tile.first, tile.last)
-            total[columns] += weight
-            image[..., columns] += weight * picture
+            weight = tile.weight(OVERLAP)
+            total[tile.columns] += weight
+            image[..., tile.columns] += weight * picture
         image /= total
         return cv2.merge([*image]).reshape(self.shape)
 
@@ -318,8 +316,7 @@ def tiled_from(
 
     def made(k: int) -> TileSystem:
         offsets, weights = samples_of(cut[k])
-        columns = slice(cut[k].first, cut[k].last)
-        return tile_system(offsets, frame[..., columns], valid[..., columns], weights)
+        return tile_system(offsets, frame[..., cut[k].columns], valid[..., cut[k].columns], weights)
 
     reaches = _extents(cut, samples_of)
     together = sum(each.system_bytes for each in reaches) <= LARGEST

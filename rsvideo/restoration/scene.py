@@ -82,7 +82,7 @@ class Scene:
         """Mean square of the gradients of the tiles that count."""
         if self.chosen is None:
             return gradient_power(self.frame)
-        return float(np.mean([gradient_power(self.frame[:, tile.first : tile.last]) for tile in self.cut()]))
+        return float(np.mean([gradient_power(self.frame[:, tile.columns]) for tile in self.cut()]))
 
     @property
     def least_texture(self) -> float:
@@ -158,7 +158,7 @@ def spread(scene: Scene, cols: int) -> Scene:
     wide = scene.frame.shape[1]
     count = _tile_count(wide)
     wanted = min(max(FEWEST_TILES, round(cols / wide * count)), count)
-    texture = [np.abs(np.diff(scene.frame[:, tile.first : tile.last], axis=1)).sum() for tile in split(wide, count, 0)]
+    texture = [np.abs(np.diff(scene.frame[:, tile.columns], axis=1)).sum() for tile in split(wide, count, 0)]
     parts = np.array_split(np.arange(count), wanted)
     return replace(scene, tiles=count, chosen=tuple(int(max(part, key=texture.__getitem__)) for part in parts))
 

@@ -203,13 +203,12 @@ def _tiles(scene: Scene, trajectory: Trajectory) -> Iterator[tuple[Tile, Float[n
 
 def _system(scene: Scene, tile: Tile, offsets: Float[np.ndarray, "rows samples 2"]) -> TileSystem:
     """A tile's system."""
-    columns = slice(tile.first, tile.last)
-    return tile_system(offsets, scene.frame[:, columns], scene.valid[:, columns])
+    return tile_system(offsets, scene.frame[:, tile.columns], scene.valid[:, tile.columns])
 
 
 def _on_device(scene: Scene, cut: list[tuple[Tile, Float[np.ndarray, "rows samples 2"]]], ridge: float) -> Eliminated:
     """The latent images of all tiles, on a GPU."""
-    parts = [np.s_[:, tile.first : tile.last] for tile, _ in cut]
+    parts = [np.s_[:, tile.columns] for tile, _ in cut]
     return device_frame.eliminated(
         np.stack([offsets for _, offsets in cut]),
         [scene.frame[part] for part in parts],
