@@ -32,3 +32,13 @@ def test_the_stages_of_a_photograph_and_of_a_clip_are_timed() -> None:
     assert done.returncode == 0, done.stderr
     assert "160 x 120, a photograph" in done.stdout
     assert "160 x 120, a frame of a clip" in done.stdout
+
+
+@pytest.mark.slow
+def test_the_memory_of_clips_is_measured_and_the_worst_is_named() -> None:
+    clip = BENCHMARKS.parents[1] / "samples" / "clip" / "blurred.mp4"
+    command = [sys.executable, BENCHMARKS / "memory.py", clip, "--size", "160x120", "--to", "0.15", "--", "--method", "rectify"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert f"of {clip.name}" in done.stdout
+    assert 0.05 < float(done.stdout.split("most memory: ")[1].split(" GB")[0]) < 1
