@@ -26,7 +26,7 @@ from rsvideo.physics.trajectory import Trajectory
 from rsvideo.restoration.blurred_frame import BlurredFrame
 from rsvideo.restoration.parallax import Flow, displacement
 from rsvideo.restoration.settings import Settings
-from rsvideo.solvers.banded import BandedHermitian
+from rsvideo.solvers.banded import BandedFactor, BandedHermitian
 from rsvideo.solvers.collaborative_filter import Matches, denoise, match
 from rsvideo.solvers.differences import Differences
 from rsvideo.solvers.total_variation import LatentUpdate
@@ -59,23 +59,18 @@ class TileSystem:
     frame: Float[np.ndarray, "*channels rows cols"]
     valid: Float[np.ndarray, "*channels rows cols"]  # 1 where the sample is data, 0 where it is clipped
 
-    @property
-    def normal(self) -> BandedHermitian:
-        """K^H K, made anew for each factorisation: to keep it would take as much memory as K."""
+    def factor(self, rho: float, floor: float) -> BandedFactor:
+        """Of K^H K + rho D^T D + floor I. K^H K is made anew for each: to keep it would take as much memory as K."""
         re, im = self.op.gram()
-        return BandedHermitian(re=re, im=im, frequencies=self.op.frequencies)
+        normal = BandedHermitian(re=re, im=im, frequencies=self.op.frequencies)
+        return normal.factor((rho * self.op.difference_power + floor).astype(np.float32), rho)
 
-    @property
     def completed(self) -> Float[np.ndarray, "*channels rows period"]:
         """The frame, its sides joined smoothly."""
         frame, op = self.frame, self.op
         ramp = np.linspace(0, 1, op.period - op.cols + 2, dtype=np.float32)[1:-1]
         joined = np.concatenate([frame, frame[..., -1:] * (1 - ramp) + frame[..., :1] * ramp], axis=-1)
         return np.roll(joined, op.left, axis=-1)
-
-    def roughness(self, rho: float, floor: float) -> Float[np.ndarray, " frequencies"]:
-        """rho |d_x(f)|^2 + floor, the diagonal part of rho D^T D + floor I."""
-        return (rho * self.op.difference_power + floor).astype(np.float32)
 
     def complete(
         self,
@@ -123,7 +118,7 @@ def tile_system(
 
 def exact_update(system: TileSystem, rho: float) -> LatentUpdate[np.ndarray]:
     """Step 1 of ADMM, argmin_l |K l - b|^2 / 2 + rho |D l - g|^2 / 2: one factor for all steps and channels."""
-    op, factor = system.op, system.normal.factor(system.roughness(rho, TV_FLOOR), rho)
+    op, factor = system.op, system.factor(rho, TV_FLOOR)
 
     def update(data: np.ndarray, h: np.ndarray, _: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         spectrum = factor.solve(op.adjoint(op.spectrum(data)) + op.spectrum(np.float32(rho) * h))
@@ -136,7 +131,7 @@ def exact_update(system: TileSystem, rho: float) -> LatentUpdate[np.ndarray]:
 def total_variation(system: TileSystem, mu: float, *, steps: int) -> Float[np.ndarray, "*channels latent_rows period"]:
     """argmin_l |K l - b|^2 / 2 + mu |grad l|_1 by so many steps of ADMM (Algorithm 2), every l-update exact."""
     states = admm(
-        system.completed,
+        system.completed(),
         mu=mu,
         rho=TV_RHO,
         gradient=Differences(periodic_cols=True),
@@ -378,7 +373,7 @@ def _towards(
     ridge: float,
 ) -> Float[np.ndarray, "channels latent_rows period"]:
     """argmin_l |K l - b|^2 + ridge |l - target|^2; beyond the frame the target is the latent image itself."""
-    op, factor = system.op, system.normal.factor(system.roughness(0, ridge))
+    op, factor = system.op, system.factor(0, ridge)
     aim = latent.copy()
     system.crop(aim)[:] = target
     data = system.complete(system.blurred(latent))

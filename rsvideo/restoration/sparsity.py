@@ -141,9 +141,8 @@ def _derivative_along_rows(op: RowFourier, spectrum: Complex[np.ndarray, "n freq
 
 def _latent(system: TileSystem, ridge: float) -> tuple[BandedFactor, np.ndarray, np.ndarray, np.ndarray]:
     """M's factor, the frame completed beyond its columns, l = M^-1 K^H b as a spectrum, and K l."""
-    op = system.op
-    factor = system.normal.factor(system.roughness(ridge, FLOOR * ridge), ridge)
-    data, again = system.completed, 1
+    op, factor = system.op, system.factor(ridge, FLOOR * ridge)
+    data, again = system.completed(), 1
     while True:
         latent = factor.solve(op.adjoint(op.spectrum(data)))
         blurred = op.image(op.forward(latent))
