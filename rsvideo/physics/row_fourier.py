@@ -205,9 +205,14 @@ class Extent(Grid):
     base: Int[np.ndarray, "*tiles rows"]  # the first of them
 
     @property
+    def symbol_bytes(self) -> int:
+        """Of the symbol of one frame or tile."""
+        return 8 * self.width * self.frequencies * self.base.shape[-1]
+
+    @property
     def system_bytes(self) -> int:
         """Of the symbol of one frame or tile, its normal matrix, and the factor of that."""
-        return 8 * self.width * self.frequencies * (self.base.shape[-1] + 2 * self.latent_rows)
+        return self.symbol_bytes + 2 * 8 * self.width * self.frequencies * self.latent_rows
 
     def part(self, first: int, last: int) -> "Extent":
         """Of the tiles [first, last), on the grid that all share."""
