@@ -35,7 +35,7 @@ from rsvideo.threads import loop, spread
 
 WIDEST = 512  # columns of a tile, its overlaps aside: tiles are worked on side by side, and small ones stay in the processor's caches
 LARGEST = 8e8  # bytes of a tile's symbol, normal matrix and factor
-KEPT = 1.2e8  # bytes of the symbols of all tiles; where a frame needs more they are made anew on each pass, in no more time
+KEPT = 1.2e8  # bytes of the symbols of all tiles; where a frame needs more they are made anew on each pass, one by one, in no more time
 OVERLAP = 24  # columns over which neighbouring tiles are blended; origin: by trial
 TV_RHO = 0.03  # rho of the augmented Lagrangian, Eq. (17), in units of the data term; origin: by trial
 TV_AHEAD = 0.8  # of a step of what is completed, by which it is carried on: it takes half as many; below 1, or it does not settle
@@ -144,14 +144,13 @@ def total_variation(system: TileSystem, mu: float, *, steps: int) -> Float[np.nd
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TiledFrame:
-    """A frame as column tiles that overlap, each with its exact blur; they are worked on side by side, as far as memory holds them."""
+    """A frame as column tiles that overlap, each with its exact blur; they are worked on side by side, where memory holds them together."""
 
     pixels: Float[np.ndarray, "rows cols channels"]
     unclipped: Float[np.ndarray, "rows cols"]  # 1 where the samples of all channels are data
     cut: list[Tile]
     grids: Sequence[Grid]  # of each tile
     systems: Sequence[TileSystem]  # of each tile, all channels; made anew on each pass where they would take more than KEPT
-    one_by_one: bool = False  # whether memory holds but one tile's normal matrix and factor
 
     @property
     def device(self) -> Literal["cpu"]:
@@ -247,10 +246,9 @@ class TiledFrame:
 
     def _of_each(self, work: Callable[[Any, TileSystem], Any], given: Sequence[Any]) -> list[Any]:
         """What the work makes of what is given for each tile, and of the tile's system."""
-        every = range(len(given))
-        if self.one_by_one:
-            return [work(given[k], self.systems[k]) for k in every]
-        return threads.each(lambda k: work(given[k], self.systems[k]), every)
+        if isinstance(self.systems, MadeAnew):
+            return [work(each, system) for each, system in zip(given, self.systems, strict=True)]
+        return threads.each(lambda k: work(given[k], self.systems[k]), range(len(given)))
 
     def match(self, guide: Float[np.ndarray, "rows cols channels"]) -> Matches:
         """Which patches of a picture look like which."""
@@ -319,9 +317,8 @@ def tiled_from(
     reaches = _extents(cut, samples_of)
     together = sum(each.symbol_bytes for each in reaches) <= KEPT
     systems = threads.each(made, range(len(cut))) if together else MadeAnew(made, len(cut))
-    one_by_one = not together and threads.most() * max(each.system_bytes for each in reaches) > LARGEST
     unclipped = (~any_channel(clipped)).astype(np.float32)
-    return TiledFrame(pixels=pixels, unclipped=unclipped, cut=cut, grids=reaches, systems=systems, one_by_one=one_by_one)
+    return TiledFrame(pixels=pixels, unclipped=unclipped, cut=cut, grids=reaches, systems=systems)
 
 
 def _extents(cut: list[Tile], samples_of: SamplesOf) -> list[Extent]:

@@ -1,6 +1,5 @@
 """With a known path the sharp image comes back, whatever clips, and tiles leave no seam."""
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -211,7 +210,6 @@ def test_a_frame_in_tiles_that_memory_does_not_hold_together_is_the_same(monkeyp
     clipped = np.zeros(case.blurred.shape, bool)
     monkeypatch.setattr(nonblind, "LARGEST", 0.6 * extent(np.zeros((ROWS, 1, 2)), COLS).system_bytes)
     monkeypatch.setattr(nonblind, "KEPT", 0)
-    monkeypatch.setattr(nonblind.threads, "most", lambda: 2)
     cut = tiled(case.blurred, clipped, path(SHIFT), CAMERA, samples=24, tolerance=0.25)
     assert len(cut.cut) > 1
     assert isinstance(cut.systems, nonblind.MadeAnew)
@@ -220,10 +218,7 @@ def test_a_frame_in_tiles_that_memory_does_not_hold_together_is_the_same(monkeyp
     assert isinstance(whole.systems, list)
     for one, other in zip(deblur(cut, Settings(), 2e-3), deblur(whole, Settings(), 2e-3), strict=True):
         np.testing.assert_array_equal(one, other)
-    alone = cut.towards(case.truth, 0.6)
-    np.testing.assert_array_equal(alone, whole.towards(case.truth, 0.6))
-    assert cut.one_by_one
-    np.testing.assert_array_equal(alone, replace(cut, one_by_one=False).towards(case.truth, 0.6))
+    np.testing.assert_array_equal(cut.towards(case.truth, 0.6), whole.towards(case.truth, 0.6))
 
 
 def test_a_draft_is_what_the_denoiser_starts_from_but_for_a_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
