@@ -25,20 +25,22 @@ def test_no_compiled_loop_reads_a_number_that_is_halved_and_doubled(number: str)
     assert not [each for each in compiled if name in each.py_func.__code__.co_names]  # numba keeps the value that it compiled
 
 
+def printed(benchmark: str, *words: str | Path) -> str:
+    done = subprocess.run([sys.executable, BENCHMARKS / benchmark, *words], capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 @pytest.mark.slow
 def test_the_stages_of_a_photograph_and_of_a_clip_are_timed() -> None:
-    command = [sys.executable, BENCHMARKS / "stages.py", "--sizes", "160x120", "--blur", "4", "--frames", "3"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert "160 x 120, a photograph" in done.stdout
-    assert "160 x 120, a frame of a clip" in done.stdout
+    table = printed("stages.py", "--sizes", "160x120", "--blur", "4", "--frames", "3")
+    assert "160 x 120, a photograph" in table
+    assert "160 x 120, a frame of a clip" in table
 
 
 @pytest.mark.slow
 def test_the_memory_of_clips_is_measured_and_the_worst_is_named() -> None:
     clip = BENCHMARKS.parents[1] / "samples" / "clip" / "blurred.mp4"
-    command = [sys.executable, BENCHMARKS / "memory.py", clip, "--size", "160x120", "--to", "0.15", "--", "--method", "rectify"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert f"of {clip.name}" in done.stdout
-    assert 0.05 < float(done.stdout.split("most memory: ")[1].split(" GB")[0]) < 1
+    table = printed("memory.py", clip, "--size", "160x120", "--to", "0.15", "--", "--method", "rectify")
+    assert f"of {clip.name}" in table
+    assert 0.05 < float(table.split("most memory: ")[1].split(" GB")[0]) < 1

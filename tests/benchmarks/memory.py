@@ -43,7 +43,7 @@ def stretched(source: Path, target: Path, size: list[int], begin: float, end: fl
 def measured(source: Path, size: list[int], begin: float, end: float, options: list[str]) -> dict[str, Any]:
     """A row of the table."""
     facts = json.loads((source / FACTS).read_text()) if source.is_dir() else {}
-    stated = options or [word for name in ("exposure", "readout") if facts for word in (f"--{name}", f"{facts[f'{name}_s']:.9f}s")]
+    stated = options or [f"--{name}={facts[f'{name}_s']:.9f}s" for name in ("exposure", "readout") if facts]
     with tempfile.TemporaryDirectory() as folder:
         clip = Path(folder) / "clip.mp4"
         frames = stretched(source / CLIP if facts else source, clip, size, begin, end)
