@@ -19,6 +19,7 @@ from pathlib import Path
 import av
 import cv2
 import numpy as np
+from installed import RSVIDEO
 from speed import scene
 
 STEP = 12.0  # px that the camera moves from frame to frame, at most
@@ -48,7 +49,7 @@ def run(folder: Path, clips: list[Path], *, workers: int, cores: set[int], defau
     job.write_text(f"output: {{folder: out}}\ndefaults: {defaults}\nclips: [{', '.join(c.name for c in clips)}]\n")
     started = time.monotonic()
     subprocess.run(
-        ["rsvideo", "run", str(job), "-j", str(workers), "--overwrite", "--fresh", "--progress", "none"],
+        [RSVIDEO, "run", str(job), "-j", str(workers), "--overwrite", "--fresh", "--progress", "none"],
         check=True,
         capture_output=True,
         timeout=7200,

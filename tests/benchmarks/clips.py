@@ -19,6 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 import published
+from installed import RSVIDEO
 
 from rsvideo.physics.camera import Intrinsics, turned
 from rsvideo.physics.trajectory import path_error
@@ -48,7 +49,7 @@ def unsteadiness(frames: Sequence[np.ndarray], poses: np.ndarray, camera: Intrin
 def restored(case: Path, output: Path, options: Sequence[str | Path] = ()) -> tuple[list[dict[str, Any]], np.ndarray]:
     """The sidecar's frames, and each frame's PSNR before and after, in dB; ends the program where the command fails."""
     facts = json.loads((case / "case.json").read_text())
-    words = ["rsvideo", "deblur", case / "clip.mp4", "-o", output, "--exposure", facts["exposure_s"], "--readout", facts["readout_s"]]
+    words = [RSVIDEO, "deblur", case / "clip.mp4", "-o", output, "--exposure", facts["exposure_s"], "--readout", facts["readout_s"]]
     words += ["--focal-px", facts["focal_px"], "--overwrite", "--json", *options]
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=7200)
     if done.returncode:

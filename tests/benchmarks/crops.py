@@ -16,6 +16,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from installed import RSVIDEO
 
 
 def _picture(path: Path) -> np.ndarray:
@@ -45,7 +46,7 @@ def main() -> None:
     args, options = parser.parse_known_args()  # the others are those of rsvideo deblur
     args.output.mkdir(parents=True, exist_ok=True)
     output = args.output / f"{args.source.stem}{'.mov' if args.frame else '.png'}"
-    words = ["rsvideo", "deblur", args.source, "-o", output, "--overwrite", "--json", *(word for word in options if word != "--")]
+    words = [RSVIDEO, "deblur", args.source, "-o", output, "--overwrite", "--json", *(word for word in options if word != "--")]
     words += ["--side-by-side", "--codec", "prores"] if args.frame else []
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=1800)
     if done.returncode:

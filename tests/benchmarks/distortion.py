@@ -16,6 +16,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from installed import RSVIDEO
 
 from rsvideo.report.metrics import psnr
 
@@ -118,7 +119,7 @@ def profile(lens: str, *, bent: bool) -> str:
 
 def run(verb: str, *words: object) -> None:
     """The installed command; what fails stops the benchmark."""
-    done = subprocess.run(["rsvideo", verb, *map(str, words)], capture_output=True, text=True, timeout=1800)
+    done = subprocess.run([RSVIDEO, verb, *map(str, words)], capture_output=True, text=True, timeout=1800)
     if done.returncode:
         sys.exit(done.stderr)
 

@@ -31,6 +31,7 @@ from typing import Any
 import psutil
 import published
 from batch import clip
+from installed import RSVIDEO
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -40,7 +41,6 @@ from tests.batch.runs import STAND_IN, environment
 
 FRAMES, ROWS, COLS = 66, 120, 192  # of the clip that is restored: three chunks
 PACE, PACED = 0.3, 200  # seconds of a simulated frame, and how many there are
-RSVIDEO = str(Path(sys.executable).with_name("rsvideo"))
 BYTES_A_CHUNK = 4  # of the simulated core
 
 Row = dict[str, Any]

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 import tifffile
+from installed import RSVIDEO
 
 from rsvideo.baselines import uniform
 from rsvideo.frame import Frame
@@ -48,7 +49,7 @@ def main() -> None:
         sharp, blurred = (np.clip(data[name], 0, 1).astype(np.float32)[..., None] for name in "xy")
         source, output = args.output / f"{file.stem}_blurred.tif", args.output / f"{file.stem}.tif"
         tifffile.imwrite(source, np.round(65535 * blurred[..., 0]).astype(np.uint16), photometric="minisblack")
-        words = ["rsvideo", "deblur", source, "-o", output, "--exposure", "0.3", "--readout", "0", "--motion", "shift"]
+        words = [RSVIDEO, "deblur", source, "-o", output, "--exposure", "0.3", "--readout", "0", "--motion", "shift"]
         words += ["--transfer", "linear", "--overwrite", "--json"]
         done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=1800)
         if done.returncode:

@@ -23,6 +23,7 @@ from itertools import product
 from pathlib import Path
 
 import published
+from installed import RSVIDEO
 from stages import EXPOSURE, FOCAL, READOUT, STAGES, by_stage, filmed, restored
 
 from rsvideo.allocation import keep_freed_memory
@@ -46,7 +47,7 @@ def at_once(source: Path, cols: int, jobs: int, device: str, prior: str) -> tupl
         camera = f"{{exposure: {EXPOSURE}, readout: {READOUT}, focal_px: {FOCAL * cols:g}, transfer: srgb}}"
         defaults = f"{{camera: {camera}, deblur: {{device: {device}, prior: {prior}}}}}"
         (job := folder / "job.yaml").write_text(f"output: {{folder: out}}\ndefaults: {defaults}\nclips: [{', '.join(clips)}]\n")
-        command = ["rsvideo", "run", str(job), "-j", str(jobs), "--progress", "jsonl"]
+        command = [RSVIDEO, "run", str(job), "-j", str(jobs), "--progress", "jsonl"]
         begun, first = time.perf_counter(), None
         with (folder / "words").open("w+") as words, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=words, text=True) as run:
             assert run.stdout

@@ -17,7 +17,8 @@ from typing import Any
 
 import av
 import published
-from speed import OURS, ran
+from installed import RSVIDEO
+from speed import ran
 
 from rsvideo.pipeline.simulated_clip import CLIP, FACTS
 
@@ -47,7 +48,7 @@ def measured(source: Path, size: list[int], begin: float, end: float, options: l
     with tempfile.TemporaryDirectory() as folder:
         clip = Path(folder) / "clip.mp4"
         frames = stretched(source / CLIP if facts else source, clip, size, begin, end)
-        seconds, peak = ran([OURS, "deblur", str(clip), "-o", str(Path(folder) / "out.mkv"), *stated])
+        seconds, peak = ran([RSVIDEO, "deblur", str(clip), "-o", str(Path(folder) / "out.mkv"), *stated])
     return {"clip": source.name, "frames": frames, "peak_gb": peak, "seconds": seconds}
 
 

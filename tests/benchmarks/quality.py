@@ -17,6 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import published
+from installed import RSVIDEO
 
 from rsvideo.physics.trajectory import path_error
 from rsvideo.report.metrics import psnr
@@ -36,7 +37,7 @@ def restored(case: Path, results: Path, options: list[str], known: bool) -> tupl
     output = results / f"{case.name}.png"
     timing = ["--exposure", str(facts["exposure_s"]), "--readout", str(facts["readout_s"]), "--focal-px", str(facts["focal_px"])]
     motion = ["--trajectory", str(case / "motion.csv")] if known else []
-    command = ["rsvideo", "deblur", str(case / "blurred.png"), "-o", str(output), *timing, *motion, *options, "--overwrite", "--json"]
+    command = [RSVIDEO, "deblur", str(case / "blurred.png"), "-o", str(output), *timing, *motion, *options, "--overwrite", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=1800)
     if done.returncode:
         sys.exit(f"{case.name}: {done.stderr}")

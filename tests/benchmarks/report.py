@@ -13,6 +13,7 @@ import subprocess
 import time
 from pathlib import Path
 
+from installed import RSVIDEO
 from playwright.sync_api import sync_playwright
 
 CHROMIUM = Path("/usr/bin/chromium")
@@ -43,7 +44,7 @@ def main() -> None:
     parser.add_argument("--methods", default=METHODS)
     args, options = parser.parse_known_args()
     started = time.monotonic()
-    words = ["rsvideo", "compare", str(args.clip), "-o", str(args.output), "--methods", args.methods, "--overwrite", *options]
+    words = [RSVIDEO, "compare", str(args.clip), "-o", str(args.output), "--methods", args.methods, "--overwrite", *options]
     done = subprocess.run(words, capture_output=True, text=True, timeout=7200)
     if done.returncode:
         raise SystemExit(done.stderr)

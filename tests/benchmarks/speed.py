@@ -23,6 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import published
 import skimage.data
+from installed import RSVIDEO
 from quality import codes
 
 from rsvideo.report.metrics import psnr
@@ -33,7 +34,6 @@ BY_BLUR = ("800x450:10", "800x450:15", "800x450:20", "800x450:40")
 LONG = ("1920x1080:100",)
 CASES = ",".join(dict.fromkeys(BY_SIZE + BY_BLUR + LONG))
 CAMERA = ["--exposure", "1/50", "--readout", "20ms", "--focal-px", "1400"]
-OURS = "rsvideo"
 
 
 def scene(cols: int, rows: int) -> np.ndarray:
@@ -51,7 +51,7 @@ def rendered(folder: Path, case: str) -> None:
     margin = 3 * int(blur) + 16
     cv2.imwrite(str(folder / "sharp.png"), scene(cols + 2 * margin, rows + 2 * margin))
     words = ["simulate", str(folder / "sharp.png"), "-o", str(folder / "blurred.png"), *CAMERA, "--size", size]
-    subprocess.run([OURS, *words, "--shake", "--seed", "5", "--blur-px", blur], check=True, capture_output=True)
+    subprocess.run([RSVIDEO, *words, "--shake", "--seed", "5", "--blur-px", blur], check=True, capture_output=True)
 
 
 def ran(words: Sequence[str]) -> tuple[float, float]:
@@ -82,7 +82,7 @@ def measured(case: str, against: str | None) -> dict[str, Any]:
         rendered(Path(folder), case)
         former = restored(Path(folder), against) if against else (None, None, None)
         row |= zip(("former_s", "former_gb", "former_db"), former, strict=True)
-        row |= zip(("seconds", "peak_gb", "gain_db"), restored(Path(folder), OURS), strict=True)
+        row |= zip(("seconds", "peak_gb", "gain_db"), restored(Path(folder), RSVIDEO), strict=True)
     return row
 
 

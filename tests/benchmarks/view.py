@@ -27,6 +27,7 @@ import av
 import cv2
 import numpy as np
 import published
+from installed import RSVIDEO
 from playwright.sync_api import sync_playwright
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
@@ -61,7 +62,7 @@ def moving(path: Path) -> None:
 @contextlib.contextmanager
 def serving(folder: Path, state: Path) -> Iterator[tuple[str, int]]:
     """The address of the installed command's pages, and the process."""
-    line = [str(Path(sys.executable).with_name("rsvideo")), "view", str(folder), "--no-browser"]
+    line = [RSVIDEO, "view", str(folder), "--no-browser"]
     with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, env=os.environ | {"XDG_STATE_HOME": str(state)}) as process:
         assert process.stderr
         try:
