@@ -14,8 +14,10 @@ from numba.core import config
 SIMULATED = bool(config.ENABLE_CUDASIM)  # pyright: ignore[reportAttributeAccessIssue]
 if TYPE_CHECKING or SIMULATED:
     xp = np
+    from scipy import ndimage as ndimage
 else:
     import cupy as xp
+    from cupyx.scipy import ndimage as ndimage
 
     config.CUDA_LOW_OCCUPANCY_WARNINGS = 0  # small pictures are meant
     config.CUDA_ARRAY_INTERFACE_SYNC = 0  # both work on the same stream, in order; else each launch would wait for the one before

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from numba import cuda, float32, int32, uint32
 
-from rsvideo.gpu.arrays import Array, blocks_of, launch, planes_to_device, planes_to_host, xp
+from rsvideo.gpu.arrays import Array, blocks_of, launch, ndimage, planes_to_device, planes_to_host, xp
 
 _THREADS = 256  # of a block, each with a pixel
 _TAPS = 8  # pixels that a Lanczos sample reads along each side
@@ -211,17 +211,31 @@ def straightened(
     drift: Float[np.ndarray, "high wide 2"] | None,
     spacing: tuple[int, int],
     moved: float,
-    latent: tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "..."] | np.float32] | None,
+    latent: tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "..."] | np.float32, int] | None,
 ) -> Float[np.ndarray, "rows cols channels"]:
-    """`moved` of a picture sampled elsewhere, or the picture where there is no `drift`, mixed with a latent image by its share."""
+    """`moved` of a picture sampled elsewhere, or the picture where there is no `drift`, mixed with a latent image by its share.
+
+    The latent image is held so many px from the borders.
+    """
     image = planes_to_device(pixels)
     if drift is not None:
         image = image + xp.float32(moved) * (lanczos(image, places(drift, spacing, pixels.shape[:2])) - image)
     if latent is not None:
-        restored, share = latent
+        restored, share, reach = latent
         weight = planes_to_device(share) if isinstance(share, np.ndarray) else share
-        image = image + weight * (xp.clip(planes_to_device(restored), 0, 1) - image)
+        image = image + weight * (xp.clip(held(planes_to_device(restored), image, reach), 0, 1) - image)
     return planes_to_host(image)
+
+
+def held(latent: Array, straight: Array, reach: int) -> Array:
+    """A latent image (channels, rows, cols) which near the borders stays within what a rectified one has nearby: the twin of
+    `rsvideo.restoration.rectification.held`."""
+    window, latent = (1, 2 * reach + 1, 2 * reach + 1), latent.copy()
+    for side in range(4):
+        inner, shown = (xp.rot90(image, side, axes=(1, 2))[:, : 2 * reach] for image in (latent, straight))
+        least, most = (extreme(shown, window, mode="nearest") for extreme in (ndimage.minimum_filter, ndimage.maximum_filter))
+        inner[:, :reach] = xp.clip(inner[:, :reach], least[:, :reach], most[:, :reach])
+    return latent
 
 
 def _sampled(kernel: object, image: Array, at: Array) -> Array:

@@ -106,9 +106,12 @@ def straightened(
     drift: Float[np.ndarray, "high wide 2"] | None,
     spacing: tuple[int, int],
     moved: float,
-    latent: tuple[Float[np.ndarray, "rows cols channels"], Any] | None,
+    latent: tuple[Float[np.ndarray, "rows cols channels"], Any, int] | None,
 ) -> Float[np.ndarray, "rows cols channels"]:
-    """`moved` of a frame sampled `drift` px away, at nodes `spacing` px apart, if it drifts; mixed with a latent image by its share."""
+    """`moved` of a frame sampled `drift` px away, at nodes `spacing` px apart, if it drifts; mixed with a latent image by its share.
+
+    The latent image is held so many px from the borders.
+    """
     from rsvideo.gpu import resampling
 
     return resampling.straightened(pixels, drift, spacing, moved, latent)

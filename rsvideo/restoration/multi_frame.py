@@ -50,7 +50,9 @@ class _Waiting:
         """The restoration as far as it is trusted, else the frame rectified, which is made anew: to keep it would take more memory."""
         assert self.restored is not None
         share = np.float32(self.share) if self.own is None else np.float32(self.share) * self.own[..., None]
-        return _straight(self.restored.view, self.restored.trajectory, self.evidence, self.moved, device, (latent, share))
+        view, path = self.restored.view, self.restored.trajectory
+        shown = Share(latent, share, reach=int(longest(view.camera, path)) + 1)
+        return _straight(view, path, self.evidence, self.moved, device, shown)
 
 
 def restored(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,8 +16,14 @@ from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Device
 
-Share = tuple[Float[np.ndarray, "scanlines along channels"], Float[np.ndarray, "..."] | np.float32]
-"""A latent image, and its share in what is shown, 0 to 1: of all pixels, or (scanlines, along, 1)."""
+
+class Share(NamedTuple):
+    """A latent image, and how much of it is shown."""
+
+    latent: Float[np.ndarray, "scanlines along channels"]
+    share: Float[np.ndarray, "..."] | np.float32  # 0 to 1, of all pixels, or (scanlines, along, 1)
+    reach: int  # px from the borders within which it is `held`, at least 1
+
 
 _SAMPLES = 16  # of a row's exposure, over which its pose is averaged
 _FEW_ROWS = 256  # of which pixels are followed on a GPU, at least; those between are off by 0.01 px where a hand shakes 10 px at 100 Hz
@@ -42,6 +49,20 @@ def mixed(
     return np.ascontiguousarray(straight + share * (np.clip(latent, 0, 1) - straight), np.float32)
 
 
+def held(
+    latent: Float[np.ndarray, "scanlines along channels"], straight: Float[np.ndarray, "scanlines along channels"], reach: int
+) -> Float[np.ndarray, "scanlines along channels"]:
+    """A latent image which, less than `reach` px from a border, stays within the least and most that the rectified frame has within
+    `reach` px. The blur there has mixed in what lies beyond the frame, which no data show."""
+    window, latent = np.ones((2 * reach + 1,) * 2, np.uint8), latent.copy()
+    for side in range(4):
+        inner, shown = (np.rot90(image, side)[: 2 * reach] for image in (latent, straight))
+        shown = np.ascontiguousarray(shown)
+        least, most = (extreme(shown, window).reshape(shown.shape) for extreme in (cv2.erode, cv2.dilate))
+        inner[:reach] = np.clip(inner[:reach], least[:reach], most[:reach])
+    return latent
+
+
 def straightened(
     view: View,
     path: Trajectory | None,
@@ -62,7 +83,7 @@ def straightened(
         return device_frame.straightened(pixels, drift, (step, NODES), moved, latent)
     if path is not None:
         pixels = pixels + np.float32(moved) * (_lanczos(pixels, *sources(path, flow, view.camera)) - pixels)
-    return pixels if latent is None else mixed(pixels, *latent)
+    return pixels if latent is None else mixed(pixels, held(latent.latent, pixels, latent.reach), latent.share)
 
 
 def scanline_poses(path: Trajectory, camera: Camera) -> Float[np.ndarray, "scanlines axes"]:
