@@ -228,13 +228,13 @@ def straightened(
 
 
 def held(latent: Array, straight: Array, reach: int) -> Array:
-    """A latent image (channels, rows, cols) which near the borders stays within what a rectified one has nearby: the twin of
+    """A latent image (channels, rows, cols) which near the borders is nowhere darker than a rectified one nearby: the twin of
     `rsvideo.restoration.rectification.held`."""
     window, latent = (1, 2 * reach + 1, 2 * reach + 1), latent.copy()
     for side in range(4):
         inner, shown = (xp.rot90(image, side, axes=(1, 2))[:, : 2 * reach] for image in (latent, straight))
-        least, most = (extreme(shown, window, mode="nearest") for extreme in (ndimage.minimum_filter, ndimage.maximum_filter))
-        inner[:, :reach] = xp.clip(inner[:, :reach], least[:, :reach], most[:, :reach])
+        least = ndimage.minimum_filter(shown, window, mode="nearest")
+        inner[:, :reach] = xp.maximum(inner[:, :reach], least[:, :reach])
     return latent
 
 

@@ -52,14 +52,15 @@ def mixed(
 def held(
     latent: Float[np.ndarray, "scanlines along channels"], straight: Float[np.ndarray, "scanlines along channels"], reach: int
 ) -> Float[np.ndarray, "scanlines along channels"]:
-    """A latent image which, less than `reach` px from a border, stays within the least and most that the rectified frame has within
-    `reach` px. The blur there has mixed in what lies beyond the frame, which no data show."""
+    """A latent image which, less than `reach` px from a border, is nowhere darker than all that the rectified frame has within `reach` px.
+
+    The blur there has mixed in what lies beyond the frame, which no data show: beside a lamp it would come out black.
+    """
     window, latent = np.ones((2 * reach + 1,) * 2, np.uint8), latent.copy()
     for side in range(4):
         inner, shown = (np.rot90(image, side)[: 2 * reach] for image in (latent, straight))
-        shown = np.ascontiguousarray(shown)
-        least, most = (extreme(shown, window).reshape(shown.shape) for extreme in (cv2.erode, cv2.dilate))
-        inner[:reach] = np.clip(inner[:reach], least[:reach], most[:reach])
+        least = cv2.erode(np.ascontiguousarray(shown), window).reshape(shown.shape)
+        inner[:reach] = np.maximum(inner[:reach], least[:reach])
     return latent
 
 
