@@ -22,6 +22,7 @@ FEWEST_PAIRS = 8  # of frames
 _LONGEST = 1.05  # of a frame's period, up to which a readout is tried
 _AT_THE_END = 0.98  # of the longest one tried; a likeliest readout beyond is none
 _TRIED = 22  # readouts from the longest upwards to the longest downwards
+_AROUND = 2.5  # steps of these from one that is nearly right already
 _REFINING, _REFINED = 6, 3  # the work after these, and until the likeliest is found, as multiples of that for one of them
 _RIVAL = 10.0  # log-likelihood by which any other readout must be worse
 _NEAR_STEPS, _NEAR_STD = 1.5, 4  # readouts nearer than so many steps or deviations are no others
@@ -54,11 +55,13 @@ def explain(
     cols: int,
     period: float,
     downwards: tuple[Direction, Direction] = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP),
+    near: float | None = None,
     observer: Observer = ignore,
 ) -> Explained:
     """The readout of a clip whose frames are `period` seconds apart; CannotTellError where its motion does not show it.
 
-    Rows and y count scanlines, in the first direction of `downwards`, and so do columns and x along them.
+    Rows and y count scanlines, in the first direction of `downwards`, and so do columns and x along them. `near` is a readout in this
+    direction that is nearly right: others far from it are not tried.
     """
     motions = summarise(pairs, rows, cols)
     if len(motions) < FEWEST_PAIRS:
@@ -68,14 +71,12 @@ def explain(
         )
     chunks = chunked(motions, rows)
     grid = np.linspace(-_LONGEST, _LONGEST, _TRIED) * period
-    fits: list[PathFit] = []
-    for step, readout in enumerate(grid):
-        fits.append(fit_path(chunks, readout / rows, fits[-1:]))
-        _report(observer, (step + 1) / (_TRIED + _REFINING))
-    chunks, fits = with_tones(chunks, fits)
     spacing = float(grid[1] - grid[0])
+    if near is not None:
+        grid = grid[np.abs(grid - near) < _AROUND * spacing]
+    chunks, fits = with_tones(chunks, _fits(chunks, grid / rows, observer))
     best = likeliest(chunks, max(fits, key=lambda fit: fit.value), spacing / rows)
-    _report(observer, (_TRIED + _REFINED) / (_TRIED + _REFINING))
+    _report(observer, (len(grid) + _REFINED) / (len(grid) + _REFINING))
     readout = best.row_time * rows
     of_readout, std, disagreement = _uncertainty(chunks, best, rows, spacing)
     distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
@@ -105,6 +106,14 @@ def explain(
         readouts=grid,
         costs=np.array([best.value - fit.value for fit in fits]),
     )
+
+
+def _fits(chunks: Sequence[Chunk], row_times: Float[np.ndarray, " steps"], observer: Observer) -> list[PathFit]:
+    fits: list[PathFit] = []
+    for step, row_time in enumerate(row_times):
+        fits.append(fit_path(chunks, row_time, fits[-1:]))
+        _report(observer, (step + 1) / (len(row_times) + _REFINING))
+    return fits
 
 
 def _report(observer: Observer, fraction: float) -> None:

@@ -5,7 +5,7 @@ How points move from frame to frame shows the readout and the focal length, and 
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -125,22 +125,25 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     lens = Focal(pixels=focal, deviation=0.0) if focal else focal_length(pairs, run.camera.intrinsics.rows, run.camera.intrinsics.cols)
     if lens.deviation > VAGUE:
         unclear.append(f"focal length: its motion shows only that it is about {lens.pixels:.0f} px, give or take {lens.deviation:.0%}")
-    readout, vague = None, 0.0
-    if readout_unknown(given, sources):
-        try:
-            readout = round(_readout(run, pairs, period, direction), DECIMALS)
-        except CannotTellError as error:
-            unclear.append(f"readout: {error}")
-            readout, vague = with_usual(error.likeliest, period)
-    else:
-        stated, _ = timing.readout_of(given, sources)
-        readout = stated.value if stated else None
-    taken = camera(half if readout is None else readout, lens.pixels)
-    run = replace(run.taken_by(taken), toned=readout is not None)
-    found = exposure.measured(run, period)
+
+    def taken(readout: float | None) -> Run:
+        by = camera(half if readout is None else readout, lens.pixels)
+        return replace(run.taken_by(by), toned=readout is not None, misfits={})
+
+    unknown = readout_unknown(given, sources)
+    stated, _ = timing.readout_of(given, sources)
+    readout = _readout(run, period, direction) if unknown else _Readout(seconds=stated.value if stated else None)
+    exposed = taken(readout.seconds)
+    found = exposure.measured(exposed, period)
+    if unknown and readout.seconds is not None:
+        readout, rough = _in_matched_blur(exposed, readout, found, period, direction), readout
+        exposed = taken(readout.seconds)
+        if rough.unclear and not readout.unclear:
+            found = exposure.measured(exposed, period)
+    unclear += readout.unclear
     shown = Measured(
-        readout=readout,
-        readout_deviation=vague,
+        readout=readout.seconds,
+        readout_deviation=readout.deviation,
         focal=None if focal else round(lens.pixels, 1),
         focal_deviation=round(lens.deviation, 4),
         unclear=tuple(unclear),
@@ -151,7 +154,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     else:
         of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
         shown = shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
-    return _unless_in_focus(shown, run, given, sources)
+    return _unless_in_focus(shown, exposed, given, sources)
 
 
 def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources) -> Measured:
@@ -183,6 +186,32 @@ def _pairs(run: Run) -> list[Pair]:
     return [Pair(before=t.before, after=t.after, begins=(a, b)) for t, a, b in zip(run.links, begins, begins[1:], strict=False)]
 
 
-def _readout(run: Run, pairs: list[Pair], period: float, direction: Direction) -> float:
-    lens = run.camera.intrinsics
-    return explain(pairs, rows=lens.rows, cols=lens.cols, period=period, downwards=directions(direction)).readout
+@dataclass(frozen=True, kw_only=True)
+class _Readout:
+    """What a clip's motion says of its readout."""
+
+    seconds: float | None  # None where it says nothing
+    deviation: float = 0.0  # s, where it is no more than what is usual of cameras and motion together make likeliest
+    unclear: tuple[str, ...] = ()  # why that is so
+
+
+def _readout(run: Run, period: float, direction: Direction, near: float | None = None) -> _Readout:
+    lens, downwards = run.camera.intrinsics, directions(direction)
+    try:
+        found = explain(_pairs(run), rows=lens.rows, cols=lens.cols, period=period, downwards=downwards, near=near)
+    except CannotTellError as error:
+        seconds, deviation = with_usual(error.likeliest, period)
+        return _Readout(seconds=seconds, deviation=deviation, unclear=(f"readout: {error}",))
+    return _Readout(seconds=round(found.readout, DECIMALS))
+
+
+def _in_matched_blur(
+    run: Run, rough: _Readout, exposed: exposure.Exposure | exposure.Unclear, period: float, direction: Direction
+) -> _Readout:
+    """The readout once more, from points in windows that a rough one displaces and blurs alike: as they are found first, those of blurred
+    frames show too short a readout."""
+    mild = usual.MILD * period
+    seconds = exposed.value if isinstance(exposed, exposure.Exposure) else min(mild, exposed.most or mild)
+    run = run.exposed(np.full(len(run.begins), seconds))
+    better = _readout(clip_motion.in_matched_blur(run), period, direction, None if rough.unclear else rough.seconds)
+    return rough if better.unclear and not rough.unclear else better

@@ -75,6 +75,16 @@ def test_a_hands_motion_tells_the_readout(readout: float, seed: int) -> None:
     assert explained.over_global > 20
 
 
+def test_near_a_readout_that_is_nearly_right_the_same_one_is_found_with_fewer_tried() -> None:
+    pairs = film(0.022, seed=2)
+    whole = found(pairs)
+    near = explain(pairs, rows=ROWS, cols=COLS, period=1 / FPS, near=0.024)
+    assert near.readout == pytest.approx(whole.readout, rel=2e-3)
+    assert near.std == pytest.approx(whole.std, rel=0.05)
+    assert len(near.readouts) < len(whole.readouts) / 4
+    assert near.direction is Direction.TOP_TO_BOTTOM
+
+
 @pytest.mark.slow
 def test_an_engines_vibration_tells_the_readout() -> None:
     explained = found(film(0.014, tone=56.6))

@@ -11,15 +11,16 @@ from calibration.timing.cannot_tell import Likeliest
 from rsvideo.config.request import Camera, Measured, Request, Sections
 from rsvideo.physics.camera import Camera as Optics
 from rsvideo.physics.camera import Intrinsics
-from rsvideo.physics.shutter import ShutterTiming
+from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.pipeline import measuring
 from rsvideo.pipeline.measuring import with_usual
 from rsvideo.pipeline.prepare import prepare
-from rsvideo.restoration import exposure
-from rsvideo.restoration.clip_motion import gather
+from rsvideo.restoration import clip_motion, exposure
+from rsvideo.restoration.clip_motion import Run, gather
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting.timing import Sources, exposure_of
-from rsvideo.shooting.usual import READOUT, READOUT_SPREAD
+from rsvideo.shooting.usual import MILD, READOUT, READOUT_SPREAD
+from tests.pipeline.moving import RATE, Moving
 from tests.video.clips import make
 
 PERIOD = 1 / 30
@@ -75,3 +76,52 @@ def test_spectra_contradict_what_is_typed_in_only_where_that_is_not_in_focus(
     assert (taken.value == 0.02) == in_focus
     assert any("is taken as given" in note for note in notes) == in_focus
     assert any("in focus" in reason for reason in kept.unclear) == in_focus
+
+
+FILMED = Moving(frames=12, rows=180, cols=240, exposure=0.025, readout=0.015, scene="coffee")
+
+
+def test_points_in_windows_that_are_displaced_and_blurred_alike_show_a_readout_better() -> None:
+    run, direction = gather(FILMED.recorded, FILMED.camera, Settings()), Direction.TOP_TO_BOTTOM
+    rough = measuring._readout(run, 1 / RATE, direction)
+    shown = exposure.Exposure(value=FILMED.exposure, deviation=0.0, blur=5.0)
+    better = measuring._in_matched_blur(run, rough, shown, 1 / RATE, direction)
+    assert rough.seconds
+    assert better.seconds
+    assert not better.unclear
+    assert abs(better.seconds / FILMED.readout - 1) < 0.025 < 0.05 < abs(rough.seconds / FILMED.readout - 1)
+
+
+@pytest.mark.parametrize(
+    ("found", "taken"),
+    [
+        (exposure.Exposure(value=0.02, deviation=0.001, blur=4.0), 0.02),
+        (exposure.Unclear(reason="", most=0.03), MILD * PERIOD),
+        (exposure.Unclear(reason="", most=0.002), 0.002),
+        (exposure.Unclear(reason=""), MILD * PERIOD),
+    ],
+)
+@pytest.mark.parametrize(
+    "again", [measuring._Readout(seconds=0.012), measuring._Readout(seconds=0.008, deviation=0.001, unclear=("vague",))]
+)
+@pytest.mark.parametrize(
+    "before", [measuring._Readout(seconds=0.01), measuring._Readout(seconds=0.01, deviation=0.002, unclear=("vague",))]
+)
+def test_an_answer_stays_where_points_in_matched_blur_give_none(
+    before: measuring._Readout,
+    again: measuring._Readout,
+    found: exposure.Exposure | exposure.Unclear,
+    taken: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    matched = list[Run]()
+    monkeypatch.setattr(clip_motion, "in_matched_blur", lambda run: matched.append(run) or run)
+    tried = list[float | None]()
+    monkeypatch.setattr(measuring, "_readout", lambda *given: tried.append(given[-1]) or again)
+    shutter = ShutterTiming.from_readout(exposure=0.02, readout=0.01, rows=48)
+    run = gather([], Optics(timing=shutter, intrinsics=Intrinsics.centred(focal=60.0, rows=48, cols=64)), Settings())
+    run = replace(run, begins=np.arange(3) * PERIOD, exposures=np.full(3, 0.02))
+    better = measuring._in_matched_blur(run, before, found, PERIOD, Direction.TOP_TO_BOTTOM)
+    assert better is (before if again.unclear and not before.unclear else again)
+    np.testing.assert_allclose(matched[0].exposures, taken)
+    assert tried == [None if before.unclear else 0.01]
