@@ -26,7 +26,10 @@ _AROUND = 2.5  # steps of these from one that is nearly right already
 _REFINING, _REFINED = 6, 3  # the work after these, and until the likeliest is found, as multiples of that for one of them
 _RIVAL = 10.0  # log-likelihood by which any other readout must be worse
 _NEAR_STEPS, _NEAR_STD = 1.5, 4  # readouts nearer than so many steps or deviations are no others
-_MODEL = 0.03  # of the readout, what tracks of windows in blurred frames may be off by at best
+ASTRAY, LESS_ASTRAY = (
+    0.03,
+    0.01,
+)  # of the readout, what points in blurred frames may be off by at best, and those in windows that are blurred alike
 _VAGUE = 0.07  # of the readout; a larger deviation is no answer
 _VAGUE_GLOBAL = 0.02  # of a frame's period; the largest deviation with which a global shutter is recognised
 _GLOBAL = 3  # deviations, below which a readout is none
@@ -56,12 +59,13 @@ def explain(
     period: float,
     downwards: tuple[Direction, Direction] = (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP),
     near: float | None = None,
+    astray: float = ASTRAY,
     observer: Observer = ignore,
 ) -> Explained:
     """The readout of a clip whose frames are `period` seconds apart; CannotTellError where its motion does not show it.
 
     Rows and y count scanlines, in the first direction of `downwards`, and so do columns and x along them. `near` is a readout in this
-    direction that is nearly right: others far from it are not tried.
+    direction that is nearly right: others far from it are not tried. `astray` is what else the points may be off by, of the readout.
     """
     motions = summarise(pairs, rows, cols)
     if len(motions) < FEWEST_PAIRS:
@@ -78,7 +82,7 @@ def explain(
     best = likeliest(chunks, max(fits, key=lambda fit: fit.value), spacing / rows)
     _report(observer, (len(grid) + _REFINED) / (len(grid) + _REFINING))
     readout = best.row_time * rows
-    of_readout, std, disagreement = _uncertainty(chunks, best, rows, spacing)
+    of_readout, std, disagreement = _uncertainty(chunks, best, rows, spacing, astray)
     distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
     others = [fit for fit in fits if abs(fit.row_time * rows - readout) > distance]
     is_global = abs(readout) < _GLOBAL * std
@@ -141,7 +145,7 @@ def _spread(best: PathFit, others: Sequence[PathFit], rows: int, disagreement: f
     return float(rows * np.sqrt(sum(p * (fit.row_time - best.row_time) ** 2 for p, fit in zip(odds, others, strict=True))))
 
 
-def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float) -> tuple[float, float, float]:
+def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: float, astray: float) -> tuple[float, float, float]:
     """The curvature of the cost in the readout, its standard deviation, and the mean square of those by which parts of the clip disagree.
 
     Parts that disagree make the deviation larger.
@@ -154,4 +158,4 @@ def _uncertainty(chunks: Sequence[Chunk], fit: PathFit, rows: int, spacing: floa
         misfits.append((own.row_time - fit.row_time) ** 2 * curvature([chunk], own, step))
     factor = max(1.0, sum(misfits) / max(len(misfits) - 1, 1))
     std = np.inf if total <= 0 else rows * np.sqrt(factor / total)
-    return total / rows**2, float(np.hypot(std, _MODEL * max(abs(fit.row_time) * rows, spacing))), factor
+    return total / rows**2, float(np.hypot(std, astray * max(abs(fit.row_time) * rows, spacing))), factor

@@ -13,7 +13,7 @@ from calibration.intrinsics.from_motion import VAGUE, Focal, focal_length
 from calibration.timing.cannot_tell import CannotTellError, Likeliest
 from calibration.timing.pair_motion import Pair
 from calibration.timing.readout_measurement import directions
-from calibration.timing.self_calibration import explain
+from calibration.timing.self_calibration import ASTRAY, LESS_ASTRAY, explain
 from rsvideo.config.request import Camera as Stated
 from rsvideo.config.request import Measured
 from rsvideo.frame import Frame
@@ -195,10 +195,10 @@ class _Readout:
     unclear: tuple[str, ...] = ()  # why that is so
 
 
-def _readout(run: Run, period: float, direction: Direction, near: float | None = None) -> _Readout:
+def _readout(run: Run, period: float, direction: Direction, near: float | None = None, astray: float = ASTRAY) -> _Readout:
     lens, downwards = run.camera.intrinsics, directions(direction)
     try:
-        found = explain(_pairs(run), rows=lens.rows, cols=lens.cols, period=period, downwards=downwards, near=near)
+        found = explain(_pairs(run), rows=lens.rows, cols=lens.cols, period=period, downwards=downwards, near=near, astray=astray)
     except CannotTellError as error:
         seconds, deviation = with_usual(error.likeliest, period)
         return _Readout(seconds=seconds, deviation=deviation, unclear=(f"readout: {error}",))
@@ -213,5 +213,5 @@ def _in_matched_blur(
     mild = usual.MILD * period
     seconds = exposed.value if isinstance(exposed, exposure.Exposure) else min(mild, exposed.most or mild)
     run = run.exposed(np.full(len(run.begins), seconds))
-    better = _readout(clip_motion.in_matched_blur(run), period, direction, None if rough.unclear else rough.seconds)
+    better = _readout(clip_motion.in_matched_blur(run), period, direction, None if rough.unclear else rough.seconds, LESS_ASTRAY)
     return rough if better.unclear and not rough.unclear else better

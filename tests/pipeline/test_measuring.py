@@ -117,7 +117,7 @@ def test_an_answer_stays_where_points_in_matched_blur_give_none(
     matched = list[Run]()
     monkeypatch.setattr(clip_motion, "in_matched_blur", lambda run: matched.append(run) or run)
     tried = list[float | None]()
-    monkeypatch.setattr(measuring, "_readout", lambda *given: tried.append(given[-1]) or again)
+    monkeypatch.setattr(measuring, "_readout", lambda *given: tried.append(given[-2]) or again)
     shutter = ShutterTiming.from_readout(exposure=0.02, readout=0.01, rows=48)
     run = gather([], Optics(timing=shutter, intrinsics=Intrinsics.centred(focal=60.0, rows=48, cols=64)), Settings())
     run = replace(run, begins=np.arange(3) * PERIOD, exposures=np.full(3, 0.02))
