@@ -26,10 +26,8 @@ _AROUND = 2.5  # steps of these from one that is nearly right already
 _REFINING, _REFINED = 6, 3  # the work after these, and until the likeliest is found, as multiples of that for one of them
 _RIVAL = 10.0  # log-likelihood by which any other readout must be worse
 _NEAR_STEPS, _NEAR_STD = 1.5, 4  # readouts nearer than so many steps or deviations are no others
-ASTRAY, LESS_ASTRAY = (
-    0.03,
-    0.01,
-)  # of the readout, what points in blurred frames may be off by at best, and those in windows that are blurred alike
+ASTRAY = 0.03  # of the readout, what points in blurred frames may be off by at best
+LESS_ASTRAY = 0.01  # the same of points in windows that are blurred alike, whose readouts are off as they say
 _VAGUE = 0.07  # of the readout; a larger deviation is no answer
 _VAGUE_GLOBAL = 0.02  # of a frame's period; the largest deviation with which a global shutter is recognised
 _GLOBAL = 3  # deviations, below which a readout is none
