@@ -230,6 +230,8 @@ def straightened(
 def held(latent: Array, straight: Array, reach: int) -> Array:
     """A latent image (channels, rows, cols) which near the borders is nowhere darker than a rectified one nearby: the twin of
     `rsvideo.restoration.rectification.held`."""
+    if not reach:
+        return latent
     window, latent = (1, 2 * reach + 1, 2 * reach + 1), latent.copy()
     for side in range(4):
         inner, shown = (xp.rot90(image, side, axes=(1, 2))[:, : 2 * reach] for image in (latent, straight))

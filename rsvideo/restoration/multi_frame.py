@@ -46,12 +46,17 @@ class _Waiting:
     noise: float = 0.0  # of the frame, as its blur's model leaves it
     draft: bool = False  # whether the image is one
 
-    def mixed(self, latent: Float[np.ndarray, "rows cols channels"], device: Device) -> Float[np.ndarray, "rows cols channels"]:
-        """The restoration as far as it is trusted, else the frame rectified, which is made anew: to keep it would take more memory."""
+    def mixed(
+        self, latent: Float[np.ndarray, "rows cols channels"], device: Device, *, draft: bool = False
+    ) -> Float[np.ndarray, "rows cols channels"]:
+        """The restoration as far as it is trusted, else the frame rectified, which is made anew: to keep it would take more memory.
+
+        Of a draft the mean with others loses what is wrong along the borders; else it is held there.
+        """
         assert self.restored is not None
         share = np.float32(self.share) if self.own is None else np.float32(self.share) * self.own[..., None]
         view, path = self.restored.view, self.restored.trajectory
-        shown = Share(latent, share, reach=int(longest(view.camera, path)) + 1)
+        shown = Share(latent, share, reach=0 if draft else int(longest(view.camera, path)) + 1)
         return _straight(view, path, self.evidence, self.moved, device, shown)
 
 
@@ -191,7 +196,7 @@ def _drafted(
         noise=noise,
         draft=draft,
     )
-    image = PosedImage(latent=waiting.mixed(alone.latent, settings.device), pose=pose, length=length)
+    image = PosedImage(latent=waiting.mixed(alone.latent, settings.device, draft=draft), pose=pose, length=length)
     return replace(waiting, restored=replace(alone, latent=image.latent, covered=None, seconds=time.monotonic() - started), image=image)
 
 

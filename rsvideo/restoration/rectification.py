@@ -22,7 +22,7 @@ class Share(NamedTuple):
 
     latent: Float[np.ndarray, "scanlines along channels"]
     share: Float[np.ndarray, "..."] | np.float32  # 0 to 1, of all pixels, or (scanlines, along, 1)
-    reach: int  # px from the borders within which it is `held`, at least 1
+    reach: int = 0  # px from the borders within which it is `held`
 
 
 _SAMPLES = 16  # of a row's exposure, over which its pose is averaged
@@ -56,6 +56,8 @@ def held(
 
     The blur there has mixed in what lies beyond the frame, which no data show: beside a lamp it would come out black.
     """
+    if not reach:
+        return latent
     window, latent = np.ones((2 * reach + 1,) * 2, np.uint8), latent.copy()
     for side in range(4):
         inner, shown = (np.rot90(image, side)[: 2 * reach] for image in (latent, straight))

@@ -7,7 +7,7 @@ from rsvideo.restoration.rectification import held
 
 
 @pytest.mark.parametrize("channels", [1, 3])
-@pytest.mark.parametrize("reach", [1, 4, 30])  # the last is longer than half the frame
+@pytest.mark.parametrize("reach", [0, 1, 4, 30])  # the last is longer than half the frame
 def test_near_the_borders_a_latent_image_is_no_darker_than_all_that_the_frame_has_nearby(reach: int, channels: int) -> None:
     rows, cols, chance = 23, 31, np.random.default_rng(0)
     latent = chance.random((rows, cols, channels), np.float32)
