@@ -211,32 +211,33 @@ def straightened(
     drift: Float[np.ndarray, "high wide 2"] | None,
     spacing: tuple[int, int],
     moved: float,
-    latent: tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "..."] | np.float32, int] | None,
+    latent: tuple[Float[np.ndarray, "rows cols channels"], Float[np.ndarray, "..."] | np.float32, int, float] | None,
 ) -> Float[np.ndarray, "rows cols channels"]:
     """`moved` of a picture sampled elsewhere, or the picture where there is no `drift`, mixed with a latent image by its share.
 
-    The latent image is held so many px from the borders.
+    The latent image is `held` so many px from the borders, beside what is as bright as a lamp.
     """
     image = planes_to_device(pixels)
     if drift is not None:
         image = image + xp.float32(moved) * (lanczos(image, places(drift, spacing, pixels.shape[:2])) - image)
     if latent is not None:
-        restored, share, reach = latent
+        restored, share, reach, lamp = latent
         weight = planes_to_device(share) if isinstance(share, np.ndarray) else share
-        image = image + weight * (xp.clip(held(planes_to_device(restored), image, reach), 0, 1) - image)
+        image = image + weight * (xp.clip(held(planes_to_device(restored), image, reach, lamp), 0, 1) - image)
     return planes_to_host(image)
 
 
-def held(latent: Array, straight: Array, reach: int) -> Array:
-    """A latent image (channels, rows, cols) which near the borders is nowhere darker than a rectified one nearby: the twin of
-    `rsvideo.restoration.rectification.held`."""
+def held(latent: Array, straight: Array, reach: int, lamp: float) -> Array:
+    """A latent image (channels, rows, cols) which near the borders and a lamp, as bright as that, is nowhere darker than a rectified one
+    nearby: the twin of `rsvideo.restoration.rectification.held`."""
     if not reach:
         return latent
     window, latent = (1, 2 * reach + 1, 2 * reach + 1), latent.copy()
     for side in range(4):
         inner, shown = (xp.rot90(image, side, axes=(1, 2))[:, : 2 * reach] for image in (latent, straight))
-        least = ndimage.minimum_filter(shown, window, mode="nearest")
-        inner[:, :reach] = xp.maximum(inner[:, :reach], least[:, :reach])
+        extremes = ndimage.minimum_filter, ndimage.maximum_filter
+        least, most = (extreme(shown, window, mode="nearest")[:, :reach] for extreme in extremes)
+        inner[:, :reach] = xp.where(most >= lamp, xp.maximum(inner[:, :reach], least), inner[:, :reach])
     return latent
 
 

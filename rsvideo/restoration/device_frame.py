@@ -106,11 +106,11 @@ def straightened(
     drift: Float[np.ndarray, "high wide 2"] | None,
     spacing: tuple[int, int],
     moved: float,
-    latent: tuple[Float[np.ndarray, "rows cols channels"], Any, int] | None,
+    latent: tuple[Float[np.ndarray, "rows cols channels"], Any, int, float] | None,
 ) -> Float[np.ndarray, "rows cols channels"]:
     """`moved` of a frame sampled `drift` px away, at nodes `spacing` px apart, if it drifts; mixed with a latent image by its share.
 
-    The latent image is held so many px from the borders.
+    The latent image is held so many px from the borders, beside what is as bright as a lamp.
     """
     from rsvideo.gpu import resampling
 

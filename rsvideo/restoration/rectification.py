@@ -16,6 +16,8 @@ from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.scanlines import View
 from rsvideo.restoration.settings import Device
 
+LAMP = 0.9  # of white, in linear light: as bright as that
+
 
 class Share(NamedTuple):
     """A latent image, and how much of it is shown."""
@@ -23,6 +25,7 @@ class Share(NamedTuple):
     latent: Float[np.ndarray, "scanlines along channels"]
     share: Float[np.ndarray, "..."] | np.float32  # 0 to 1, of all pixels, or (scanlines, along, 1)
     reach: int = 0  # px from the borders within which it is `held`
+    lamp: float = LAMP
 
 
 _SAMPLES = 16  # of a row's exposure, over which its pose is averaged
@@ -50,9 +53,13 @@ def mixed(
 
 
 def held(
-    latent: Float[np.ndarray, "scanlines along channels"], straight: Float[np.ndarray, "scanlines along channels"], reach: int
+    latent: Float[np.ndarray, "scanlines along channels"],
+    straight: Float[np.ndarray, "scanlines along channels"],
+    reach: int,
+    lamp: float = LAMP,
 ) -> Float[np.ndarray, "scanlines along channels"]:
-    """A latent image which, less than `reach` px from a border, is nowhere darker than all that the rectified frame has within `reach` px.
+    """A latent image which, less than `reach` px from a border and from a lamp, is nowhere darker than all that the rectified frame has
+    within `reach` px.
 
     The blur there has mixed in what lies beyond the frame, which no data show: beside a lamp it would come out black.
     """
@@ -61,8 +68,9 @@ def held(
     window, latent = np.ones((2 * reach + 1,) * 2, np.uint8), latent.copy()
     for side in range(4):
         inner, shown = (np.rot90(image, side)[: 2 * reach] for image in (latent, straight))
-        least = cv2.erode(np.ascontiguousarray(shown), window).reshape(shown.shape)
-        inner[:reach] = np.maximum(inner[:reach], least[:reach])
+        near = np.ascontiguousarray(shown)
+        least, most = (extreme(near, window).reshape(near.shape)[:reach] for extreme in (cv2.erode, cv2.dilate))
+        inner[:reach] = np.where(most >= lamp, np.maximum(inner[:reach], least), inner[:reach])
     return latent
 
 
@@ -86,7 +94,7 @@ def straightened(
         return device_frame.straightened(pixels, drift, (step, NODES), moved, latent)
     if path is not None:
         pixels = pixels + np.float32(moved) * (_lanczos(pixels, *sources(path, flow, view.camera)) - pixels)
-    return pixels if latent is None else mixed(pixels, held(latent.latent, pixels, latent.reach), latent.share)
+    return pixels if latent is None else mixed(pixels, held(latent.latent, pixels, latent.reach, latent.lamp), latent.share)
 
 
 def scanline_poses(path: Trajectory, camera: Camera) -> Float[np.ndarray, "scanlines axes"]:

@@ -29,7 +29,7 @@ def test_what_is_shown_is_the_processors(path: str, readout: float) -> None:
     view = to_scanlines(Frame(pixels=pixels, clipped=pixels > 1), camera)
     moving = centred(Polynomial(t0=0.0, t1=timing.interval[1], coefficients=TURN), timing.middle) if TURNED in path else None
     share = np.random.default_rng(0).random((ROWS, COLS, 1)).astype(np.float32)
-    latent = Share(1.3 * pixels[::-1] - 0.1, share, reach=3) if "latent" in path else None
+    latent = Share(1.3 * pixels[::-1] - 0.1, share, reach=3, lamp=0.5) if "latent" in path else None
     here, there = (straightened(view, moving, moved=0.7, device=device, latent=latent) for device in ("cpu", "cuda"))
     np.testing.assert_allclose(there, here, atol=3e-3)
     assert moving is None or readout == 0 or np.abs(straightened(view, moving) - pixels).max() > 0.02
