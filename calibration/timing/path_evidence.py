@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 from numpy.polynomial import legendre
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import block_diag, cho_factor, cho_solve
 from scipy.optimize import minimize, minimize_scalar
 
 from calibration.timing.pair_motion import TERMS, RowMotion
@@ -39,7 +39,7 @@ class Chunk:
     axis: int
     moved: Float[np.ndarray, " numbers"]
     noise: Float[np.ndarray, "numbers numbers"]
-    terms: Float[np.ndarray, "pairs terms nodes"]  # from displacements at the nodes to coefficients
+    coefficients: Float[np.ndarray, "numbers places"]  # of displacements at the nodes of all pairs
     rows: Float[np.ndarray, "2 pairs nodes"]
     begins: Float[np.ndarray, "2 pairs"]
     tones: tuple[float, ...] = ()  # Hz
@@ -47,10 +47,11 @@ class Chunk:
     def evidence(self, row_time: float, hyper: np.ndarray) -> tuple[float, np.ndarray]:
         """The log-likelihood of a readout, and its slope in the logarithms of strength (px), pace (s) and noise (of variance)."""
         path, slower, covariance = self._covariances(row_time, hyper)
-        factor = cho_factor(covariance, lower=True)
-        solved = cho_solve(factor, self.moved)
-        left = np.outer(solved, solved) - cho_solve(factor, np.eye(len(solved)))
-        slope = 0.5 * np.array([np.sum(left * part) for part in (2 * path, slower, np.exp(hyper[2]) * self.noise)])
+        factor = cho_factor(covariance, lower=True, check_finite=False)
+        inverse = cho_solve(factor, np.eye(len(covariance)), check_finite=False)
+        solved = inverse @ self.moved
+        left = np.outer(solved, solved) - inverse
+        slope = 0.5 * np.array([np.vdot(left, part) for part in (2 * path, slower, np.exp(hyper[2]) * self.noise)])
         return float(-0.5 * self.moved @ solved - np.log(np.diag(factor[0])).sum()), slope
 
     def gains(self, row_time: float, hyper: np.ndarray, tones: Float[np.ndarray, " tones"]) -> Float[np.ndarray, " tones"]:
@@ -67,32 +68,32 @@ class Chunk:
         """Of the coefficients: by the path, its derivative in log pace, and by all that moves them."""
         strength, length, noise = np.exp(hyper)
         at = self._times(row_time)
-        both = np.concatenate([at[1].ravel(), at[0].ravel()])
-        r = np.abs(both[:, None] - both) * (np.sqrt(5) / length)
-        decay = strength**2 * np.exp(-r)
-        path = self._displacement_covariance(decay * (1 + r + r * r / 3))
-        slower = self._displacement_covariance(decay * (r * r * (1 + r) / 3))
-        pan = np.einsum("iap,ip->ia", self.terms, at[1] - at[0]).ravel()
+        path, slower = (
+            self.coefficients @ (here + there - across - across.T) @ self.coefficients.T
+            for here, there, across in zip(*(_matern(at[i], at[j], strength, length) for i, j in ((0, 0), (1, 1), (0, 1))), strict=True)
+        )
+        pan = self.coefficients @ (at[1] - at[0])
         tones = vibration.SPREAD * self._waves(at, np.array(self.tones)).reshape(len(pan), 2 * len(self.tones))
         sure = noise * self.noise + _PAN_PX_PER_S**2 * np.outer(pan, pan) + tones @ tones.T + _NUGGET * np.eye(len(pan))
         return path, slower, path + sure
 
-    def _times(self, row_time: float) -> Float[np.ndarray, "2 pairs nodes"]:
-        return self.begins[:, :, None] + row_time * self.rows
+    def _times(self, row_time: float) -> Float[np.ndarray, "2 places"]:
+        return (self.begins[:, :, None] + row_time * self.rows).reshape(2, -1)
 
-    def _waves(self, at: Float[np.ndarray, "2 pairs nodes"], tones: Float[np.ndarray, " tones"]) -> Float[np.ndarray, "numbers tones 2"]:
+    def _waves(self, at: Float[np.ndarray, "2 places"], tones: Float[np.ndarray, " tones"]) -> Float[np.ndarray, "numbers tones 2"]:
         """The coefficients of displacements by the cosine and the sine of each tone."""
         phases = 2 * np.pi * at[..., None] * tones
         moved = np.stack([np.cos(phases[1]) - np.cos(phases[0]), np.sin(phases[1]) - np.sin(phases[0])], axis=-1)
-        return np.einsum("iap,ipfw->iafw", self.terms, moved, optimize=True).reshape(len(self.moved), len(tones), 2)
+        return (self.coefficients @ moved.reshape(len(moved), -1)).reshape(len(self.moved), len(tones), 2)
 
-    def _displacement_covariance(self, kernel: np.ndarray) -> np.ndarray:
-        """The covariance of coefficients of displacements, from that of positions."""
-        n = len(kernel) // 2
-        pairs, terms, nodes = self.terms.shape
-        moved = (kernel[:n, :n] - kernel[:n, n:] - kernel[n:, :n] + kernel[n:, n:]).reshape(pairs, nodes, pairs, nodes)
-        half = np.einsum("iap,ipjq->iajq", self.terms, moved, optimize=True)
-        return np.einsum("iajq,jbq->iajb", half, self.terms, optimize=True).reshape(pairs * terms, pairs * terms)
+
+def _matern(
+    one: Float[np.ndarray, " m"], other: Float[np.ndarray, " n"], strength: float, length: float
+) -> tuple[Float[np.ndarray, "m n"], Float[np.ndarray, "m n"]]:
+    """Matern's covariance with 5/2 of positions at such times, and its derivative in the logarithm of the length."""
+    r = np.abs(one[:, None] - other) * (np.sqrt(5) / length)
+    decay, curve = strength**2 * np.exp(-r), r * r / 3
+    return decay * (1 + r + curve), decay * curve * (1 + r)
 
 
 def chunked(motions: Sequence[RowMotion], rows: int) -> list[Chunk]:
@@ -101,16 +102,14 @@ def chunked(motions: Sequence[RowMotion], rows: int) -> list[Chunk]:
     found = []
     for part in np.array_split(np.arange(len(motions)), count)[:_MOST_CHUNKS]:
         chosen = [motions[k] for k in part]
+        to_coefficients = [np.linalg.pinv(legendre.legvander(2 * one.rows[0] / rows, TERMS - 1)) for one in chosen]
         for axis in (0, 1):
-            noise = np.zeros((len(chosen), TERMS, len(chosen), TERMS))
-            for k, one in enumerate(chosen):
-                noise[k, :, k] = one.covariance[axis]
             found.append(
                 Chunk(
                     axis=axis,
                     moved=np.concatenate([one.moved[axis] for one in chosen]),
-                    noise=noise.reshape(len(chosen) * TERMS, -1),
-                    terms=np.stack([np.linalg.pinv(legendre.legvander(2 * one.rows[0] / rows, TERMS - 1)) for one in chosen]),
+                    noise=np.asarray(block_diag(*(one.covariance[axis] for one in chosen))),
+                    coefficients=np.asarray(block_diag(*to_coefficients)),
                     rows=np.stack([one.rows for one in chosen], axis=1),
                     begins=np.array([one.begins for one in chosen]).T,
                 )
