@@ -24,6 +24,12 @@ class Direction(enum.StrEnum):
         """Whether scanlines are rows of the stored image; else they are its columns."""
         return self in (Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP)
 
+    @property
+    def opposite(self) -> "Direction":
+        """The one back along the same axis."""
+        begin, end = self.split("-to-")
+        return Direction(f"{end}-to-{begin}")
+
     def scanlines(self, image: np.ndarray) -> np.ndarray:
         """The view of `image` (rows, cols, ...) whose first axis counts scanlines in the order they are read."""
         if self in (Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT):

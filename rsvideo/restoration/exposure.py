@@ -35,6 +35,7 @@ from rsvideo.restoration.spectrum import Spectrum, patches
 from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
 from rsvideo.restoration.vibration import exposed
+from rsvideo.shooting import timing
 
 RATIO = 1.25  # from one exposure that is tried to the next
 FINER = 12  # steps of equal ratios between these, at which misfits are interpolated
@@ -145,7 +146,16 @@ def followed(run: Run) -> Followed:
     if np.allclose(exposures, run.exposures, rtol=SAME, atol=0):
         return found
     shown = Followed.of(run.exposed(exposures))
-    return shown if deviations(shown.votes) > deviations(found.votes) + BELIEVED else found
+    if deviations(shown.votes) <= deviations(found.votes) + BELIEVED:
+        return found
+    return replace(found, sharper=shown) if _softened(run, found.path, exposures) else shown
+
+
+def _softened(run: Run, path: CameraPath, exposures: Float[np.ndarray, " frames"]) -> bool:
+    """Whether softness explains why the blur of the frames that move most shows longer exposures than are believed."""
+    believed, shown = (float(np.median(each)) for each in (run.exposures, exposures))
+    blur = _middle_length(run, path, _most_moving(run, path)[:FRAMES], shown)
+    return timing.softened(believed, shown, max(blur, _LEAST_BLUR))
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:

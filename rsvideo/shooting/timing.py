@@ -22,8 +22,8 @@ _APART = 0.05  # of a readout; a note names sources that differ by more
 _CONTRADICTED = 1.2  # ratio of a stated exposure and the measured one from which on one of them is wrong; measured ones rarely are by 1.1
 _CERTAIN = 5.0  # deviations of the measured one, by which they must differ too: these do not hold what the path itself is off by
 UNCLEAR_EXPOSURE = "exposure: "  # before the reason why blur does not show it
-_BY_BLUR = "measured from the clip's blur"
-_SOFT = 2.0  # px, a lens's or a codec's blur, which may lengthen what is measured: clips of 1.8 and 2.4 px showed 2.9
+_BY_BLUR, _BY_MOTION = "measured from the clip's blur", "measured from the clip's motion"
+_SOFT = 3.0  # px, of a lens, a codec or an exposure before: clips of 0.8, 1.8 and 2.4 px showed 3.1 and 2.9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,12 +146,16 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
         return stated, ()
     times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
     words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"
-    softness = measured.exposure * _SOFT / measured.blur if measured.blur else 0.0
-    if math.hypot(stated.value, softness) * _CONTRADICTED > measured.exposure > stated.value:
+    if measured.blur and softened(stated.value, measured.exposure, measured.blur):
         return stated, (f"{words}, which softness of up to {_SOFT:g} px explains as well; {ms(stated.value)} is taken",)
     return _from_blur(measured, sources.fps), (
         f"{words}; is it {_fraction(measured.exposure)}? {ms(measured.exposure)} is taken, --force takes what is given",
     )
+
+
+def softened(stated: float, shown: float, blur: float) -> bool:
+    """Whether softness explains why `blur` px show a longer exposure than is stated."""
+    return math.hypot(stated, shown * _SOFT / blur) * _CONTRADICTED > shown > stated
 
 
 def apart(one: float, other: float) -> bool:
@@ -167,7 +171,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
     """How long the frame takes to be read, and what to know of it; None where nobody says it."""
     if (stated := _given_readout(given, sources)) is not None:
         _ = _within_period("readout", stated.value, given, sources)
-        return stated, ()
+        return stated, _contrary(stated, given, sources)
     notes: tuple[str, ...] = ()
     found: list[Fact[float]] = []
     for source in (sources.readout, sources.profile_readout, _from_table(sources.table)):
@@ -179,6 +183,7 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
         apart = [other for other in others if not _agree(first, other)]
         return first, (
             *notes,
+            *_contrary(first, given, sources),
             *(f"readout {ms(first.value)} by {first.source}, but {ms(other.value)} by {other.source}" for other in apart),
         )
     if sources.fps is None:
@@ -192,13 +197,24 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
     )
 
 
+def _contrary(stated: Fact[float], given: Camera, sources: Sources) -> tuple[str, ...]:
+    """What to know where the clip's motion plainly shows another readout: what is stated is taken, for a clip may be sheared before."""
+    shown, direction = sources.measured or Measured(), direction_of(given, sources).value
+    words: tuple[str, ...] = ()
+    if shown.contrary is not None:
+        words = (f"the clip's motion shows a readout of {ms(shown.contrary)}; is it that? {ms(stated.value)} is taken as given",)
+    if shown.direction not in (None, direction):
+        words += (f"the clip's motion shows that its readout runs {shown.direction}; is it that? {direction} is taken as given",)
+    return words
+
+
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
         return _mild(fps)
     if spread := 2 * measured.readout_deviation:
         within = max(0.0, measured.readout - spread), measured.readout + spread
         return Fact(value=measured.readout, source="the likeliest by the clip's motion", within=within, assumed=True)
-    return Fact(value=measured.readout, source="measured from the clip's motion")
+    return Fact(value=measured.readout, source=_BY_MOTION)
 
 
 def direction_of(given: Camera, sources: Sources) -> Fact[Direction]:
@@ -210,6 +226,8 @@ def direction_of(given: Camera, sources: Sources) -> Fact[Direction]:
             return stated
     if sources.table is not None and sources.table.direction is not Direction.TOP_TO_BOTTOM:
         return Fact(value=sources.table.direction, source="public table")
+    if sources.measured is not None and sources.measured.direction is not None:
+        return Fact(value=sources.measured.direction, source=_BY_MOTION)
     return Fact(value=Direction.TOP_TO_BOTTOM, source="assumed", assumed=True)
 
 

@@ -24,6 +24,12 @@ def test_scanlines_come_in_the_order_they_are_read(direction):
     assert (lines[0, 0], lines[1, 0]) == tuple(image[at] for at in FIRST[direction])
 
 
+@pytest.mark.parametrize("direction", Direction)
+def test_the_opposite_direction_reads_the_last_scanline_first(direction):
+    image = np.arange(12).reshape(3, 4)
+    np.testing.assert_array_equal(direction.opposite.scanlines(image), direction.scanlines(image)[::-1])
+
+
 @directions
 def test_image_is_the_inverse_of_scanlines(direction):
     image = np.arange(24).reshape(3, 4, 2)

@@ -15,10 +15,11 @@ from rsvideo.physics.shutter import Direction, ShutterTiming
 from rsvideo.pipeline import measuring
 from rsvideo.pipeline.measuring import with_usual
 from rsvideo.pipeline.prepare import prepare
+from rsvideo.pipeline.take import Take
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run, gather
 from rsvideo.restoration.settings import Settings
-from rsvideo.shooting.timing import Sources, exposure_of
+from rsvideo.shooting.timing import Sources, exposure_of, resolve
 from rsvideo.shooting.usual import MILD, READOUT, READOUT_SPREAD
 from tests.pipeline.moving import RATE, Moving
 from tests.video.clips import make
@@ -90,6 +91,41 @@ def test_points_in_windows_that_are_displaced_and_blurred_alike_show_a_readout_b
     assert better.seconds
     assert not better.unclear
     assert abs(better.seconds / FILMED.readout - 1) < 0.025 < 0.05 < abs(rough.seconds / FILMED.readout - 1)
+
+
+UPWARDS = replace(FILMED, direction=Direction.BOTTOM_TO_TOP, exposure=0.015)
+
+
+@pytest.mark.parametrize("stated", [None, Direction.TOP_TO_BOTTOM])
+def test_a_readout_that_runs_the_other_way_is_measured_unless_a_direction_is_stated_which_is_contradicted(stated: Direction | None) -> None:
+    sources = Sources(rows=UPWARDS.rows, cols=UPWARDS.cols, fps=RATE)
+    take = Take(shutter=sources, profile=None, focal=None, notes=())
+    given = Camera(direction=stated, focal_px=UPWARDS.lens.fx, exposure=UPWARDS.exposure)
+    found = measuring.of_frames(take, given, lambda: UPWARDS.recorded)
+    assert found is not None
+    resolved = resolve(given, replace(sources, measured=found))
+    if stated is Direction.TOP_TO_BOTTOM:
+        assert found.readout is None
+        assert any("runs bottom-to-top" in reason for reason in found.unclear)
+        return
+    assert resolved.direction.value is UPWARDS.direction
+    assert resolved.readout.value == pytest.approx(UPWARDS.readout, rel=0.05)
+
+
+def test_a_stated_readout_is_taken_and_motion_that_plainly_shows_another_is_told() -> None:
+    sources = Sources(rows=FILMED.rows, cols=FILMED.cols, fps=RATE)
+    given = Camera(readout=0.007, focal_px=FILMED.lens.fx)
+    resolved = resolve(given, replace(sources, measured=measuring.measured(FILMED.recorded, given, sources, FILMED.lens.fx)))
+    assert resolved.readout.value == 0.007
+    assert any("motion shows a readout of" in note and "7 ms is taken as given" in note for note in resolved.notes)
+
+
+@pytest.mark.parametrize(("seconds", "unclear"), [(0.013, ()), (0.012, ("vague",)), (None, ("not at all",))])
+def test_a_readout_that_is_near_or_vague_contradicts_none(seconds: float | None, unclear: tuple[str, ...]) -> None:
+    shown, stated = measuring._Readout(seconds=seconds, unclear=unclear), measuring._Readout(seconds=0.017)
+    assert measuring._contrary(shown, stated, PERIOD) is None
+    assert measuring._contrary(measuring._Readout(seconds=0.012), stated, PERIOD) == 0.012
+    assert measuring._contrary(measuring._Readout(seconds=0.0001), measuring._Readout(seconds=0.001), PERIOD) is None
 
 
 @pytest.mark.parametrize(

@@ -228,8 +228,16 @@ def test_an_exposure_that_the_blur_contradicts_is_not_taken(stated: float, words
     assert (forced.value, notes) == (stated, ())
 
 
+@pytest.mark.parametrize("stated", [None, Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP])
+def test_motion_tells_the_direction_where_nobody_states_it_and_contradicts_one_that_is_stated(stated: Direction | None) -> None:
+    shown = replace(NOTHING, measured=Measured(exposure=0.004, readout=0.016, direction=Direction.BOTTOM_TO_TOP))
+    found = resolve(Camera(direction=stated, readout=0.02), shown)
+    assert found.direction.value is found.timing.direction is (stated or Direction.BOTTOM_TO_TOP)
+    assert any("its readout runs bottom-to-top" in note for note in found.notes) == (stated is Direction.TOP_TO_BOTTOM)
+
+
 def test_softness_explains_a_shorter_exposure_and_the_user_is_told() -> None:
-    for blur, taken, words in ((2.9, 0.0025, "softness of up to 2 px explains"), (8.0, 0.004, "is it 1/250 s?")):
+    for blur, taken, words in ((4.2, 0.0025, "softness of up to 3 px explains"), (8.0, 0.004, "is it 1/250 s?")):
         soft = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, blur=blur))
         found, (note,) = exposure_of(Camera(exposure=0.0025), soft)
         assert found is not None
