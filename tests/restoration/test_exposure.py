@@ -9,7 +9,7 @@ import pytest
 from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
-from rsvideo.restoration import exposure
+from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import COLS, Run, gather, scene_at
 from rsvideo.restoration.exposure import Exposure, Unclear
 from rsvideo.restoration.settings import Settings
@@ -139,6 +139,16 @@ def test_an_exposure_far_below_those_that_are_tried_may_be_stated(monkeypatch: p
     run = taken(MOVING.recorded, 2e-5)
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, _k, _flow, e: -np.exp(-(np.log(e / 0.002) ** 2) / 0.1))
     assert exposure.of_each(run, np.inf) == pytest.approx(np.full(8, 2e-5))  # which leaves too little blur to tell
+
+
+@pytest.mark.parametrize(("shown", "kept"), [(0.03, 0.03), (0.014, 0.01)])  # 1.4 times as long is what softness makes of short blur
+def test_softness_lengthens_no_exposure_but_bears_the_path_out(shown: float, kept: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = taken(MOVING.recorded, 0.01)
+    monkeypatch.setattr(exposure, "of_each", lambda run, _: np.full(len(run.begins), shown))
+    monkeypatch.setattr(clip_motion, "votes", lambda run, _path: [1e-3 if run.exposures[0] == shown else -1e-3] * len(run.begins))
+    found = exposure.followed(run)
+    np.testing.assert_array_equal(found.run.exposures, kept)
+    assert found.votes == [1e-3] * len(run.begins)
 
 
 def test_below_half_a_pixel_of_blur_the_focus_has_no_dip(monkeypatch: pytest.MonkeyPatch) -> None:
