@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from calibration.timing.cannot_tell import Likeliest
+from calibration.timing.cannot_tell import CannotTellError, Likeliest
 from rsvideo.config.request import Camera, Measured, Request, Sections
 from rsvideo.physics.camera import Camera as Optics
 from rsvideo.physics.camera import Intrinsics
@@ -110,6 +110,19 @@ def test_a_readout_that_runs_the_other_way_is_measured_unless_a_direction_is_sta
         return
     assert resolved.direction.value is UPWARDS.direction
     assert resolved.readout.value == pytest.approx(UPWARDS.readout, rel=0.05)
+
+
+@pytest.mark.parametrize(("readout", "turned"), [(-0.012, True), (-0.002, False), (0.012, False)])
+def test_an_uncertain_readout_that_surely_runs_the_other_way_tells_the_direction(
+    readout: float, turned: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unclear(*_args: object, **_words: object) -> None:
+        raise CannotTellError("parts of the clip disagree", Likeliest(readout=readout, std=0.001))
+
+    monkeypatch.setattr(measuring, "explain", unclear)
+    shown = measuring._readout(gather(FILMED.recorded[:1], FILMED.camera, Settings()), PERIOD, Direction.TOP_TO_BOTTOM)
+    assert shown.direction is (Direction.BOTTOM_TO_TOP if turned else None)
+    assert (shown.seconds is not None) == (readout > 0)
 
 
 def test_a_stated_readout_is_taken_and_motion_that_plainly_shows_another_is_told() -> None:
