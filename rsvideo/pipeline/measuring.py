@@ -32,7 +32,7 @@ from rsvideo.video.stream import Stream
 FRAMES = 40  # from the middle of what is restored
 CONTRARY = 0.25  # of the longer one of a stated readout and one that motion plainly shows, by which they differ if one is wrong
 LEAST_CONTRARY = 0.05  # of a frame's period, the same: plain ones of 125 clips were off by 0.17 of themselves, or 0.04 of a period, at most
-SURELY = 3.0  # deviations from 0, by which a readout that is likeliest and too uncertain for an answer runs the other way
+SURELY = 3.0  # deviations from 0, by which a readout that is likeliest and too uncertain for an answer runs in the opposite direction
 _READOUTS = 2001  # steps of a frame's period, in which the density of a readout is averaged
 DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
 
@@ -217,10 +217,10 @@ def _readout(run: Run, period: float, direction: Direction, near: float | None =
         found = explain(_pairs(run), rows=lens.rows, cols=lens.cols, period=period, downwards=downwards, near=near, astray=astray)
     except CannotTellError as error:
         seconds, deviation = with_usual(error.likeliest, period)
-        backwards = error.likeliest is not None and error.likeliest.readout < -SURELY * error.likeliest.std
+        backwards = error.likeliest is not None and error.likeliest.readout < -max(SURELY * error.likeliest.std, LEAST_CONTRARY * period)
         turned = direction.opposite if backwards else None
         return _Readout(seconds=seconds, deviation=deviation, unclear=(f"readout: {error}",), direction=turned)
-    if found.direction in (None, direction):
+    if found.direction in (None, direction) or found.readout < LEAST_CONTRARY * period:
         return _Readout(seconds=round(found.readout, DECIMALS))
     return _Readout(seconds=None, unclear=(f"readout: its motion shows that it runs {found.direction}",), direction=found.direction)
 
