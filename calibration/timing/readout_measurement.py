@@ -89,9 +89,8 @@ def scanlines_are_rows(direction: Direction | None) -> bool:
 
 def directions(direction: Direction | None) -> tuple[Direction, Direction]:
     """The direction in which scanlines are counted, and the other one along the same axis."""
-    if scanlines_are_rows(direction):
-        return Direction.TOP_TO_BOTTOM, Direction.BOTTOM_TO_TOP
-    return Direction.LEFT_TO_RIGHT, Direction.RIGHT_TO_LEFT
+    first = Direction.TOP_TO_BOTTOM if scanlines_are_rows(direction) else Direction.LEFT_TO_RIGHT
+    return first, first.opposite
 
 
 def counted(number: int, noun: str) -> str:
