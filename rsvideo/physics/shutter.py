@@ -2,7 +2,7 @@
 
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -108,6 +108,10 @@ class ShutterTiming:
     def middle(self) -> float:
         """The time whose pose the restored frame shows."""
         return 0.5 * self.interval[1]
+
+    def lasting(self, seconds: float) -> "ShutterTiming":
+        """The same with a readout by which the frame's interval is at least so long."""
+        return replace(self, row_time=max(self.row_time, (seconds - self.exposure) / self.rows))
 
     def row_start(self) -> Float[np.ndarray, " rows"]:
         """When each scanline opens."""

@@ -97,6 +97,11 @@ class Spline(_Curve):
         """The spline, without what vibrates beside it."""
         return self
 
+    @property
+    def spacing(self) -> float:
+        """Seconds from knot to knot."""
+        return (self.t1 - self.t0) / (len(self.smooth.coefficients) - 3)
+
     def basis(self, t: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n terms"]:
         terms = len(self.coefficients)
         knots = np.r_[[self.t0] * 3, np.linspace(self.t0, self.t1, terms - 2), [self.t1] * 3]

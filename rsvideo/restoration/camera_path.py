@@ -25,6 +25,7 @@ from rsvideo.restoration.tracks import Tracks
 from rsvideo.restoration.vibration import MOST, Explained, Tone, spreads, strongest, vibrating
 
 KNOTS = 5  # spline pieces a frame's interval; origin: by trial
+MOST_KNOTS = 10  # spline pieces a period, where a frame's interval is short against it; origin: by trial, 5 to 10 gain alike
 TERMS = 7  # of the polynomial that stands for the spline within one frame; origin: by trial
 STIFFNESS = 1.0  # of the prior on a hand's motion, before tracks are used: as believed
 BELIEVED = 4.0  # of the path's unknowns, as many as which that belief counts
@@ -81,7 +82,8 @@ def polynomial(timing: ShutterTiming, terms: int, axes: int) -> Polynomial:
 def blank(begins: Float[np.ndarray, " frames"], timing: ShutterTiming, axes: int) -> Spline:
     """The spline over all frames, at rest."""
     start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
-    terms = 3 + max(1, int(np.ceil((end - start) / timing.interval[1] * KNOTS)))
+    period = float(np.median(np.diff(begins))) if len(begins) > 1 else 0.0
+    terms = 3 + max(1, int(np.ceil((end - start) / max(timing.interval[1] / KNOTS, period / MOST_KNOTS))))
     return Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
 
 
@@ -118,7 +120,8 @@ def follow(
 
 def _explained(pairs: Sequence[Pair], camera: Camera, path: Spline, tones: Sequence[Tone], about: CameraPath | None) -> Explained:
     """The path, from rest or `about` one, and the fields beside it, that explain the points of pairs of frames."""
-    timing, pieces = camera.timing, _Pieces.of(path, camera, tones)
+    pieces = _Pieces.of(path, camera, tones)
+    timing = pieces.timing
     moved = float(np.median([np.median(np.linalg.norm(pair.moved, axis=1)) for pair in pairs])) if pairs else 0.0
     first = np.full(len(pieces.begins), max(FIRST_REACH, FIRST_SHARE * moved) * timing.exposure / timing.interval[1])
     prior = about.precision if about else pieces.precision(first)
@@ -232,15 +235,17 @@ def _certainty(path: CameraPath, places: Float[np.ndarray, "places terms"], erro
 
 def trusted(path: Spline, camera: Camera, *, drift: float, share: float) -> CameraPath:
     """A path that within each frame is right to `drift` px and a `share` of its length there; where it begins is free."""
-    timing, pieces = camera.timing, _Pieces.of(path, camera)
+    pieces = _Pieces.of(path, camera)
+    timing = pieces.timing
     reaches = exposure_lengths(path, pieces.begins, timing)
     return CameraPath(spline=path, precision=pieces.precision(drift * timing.exposure / timing.interval[1] + share * reaches))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Pieces:
-    """A path cut into overlapping pieces as long as a frame's interval, and how each of them moves."""
+    """A path cut into overlapping pieces as long as a frame's interval, or as KNOTS of its own, and how each of them moves."""
 
+    timing: ShutterTiming  # of a frame whose interval is as long as a piece
     begins: Float[np.ndarray, " pieces"]
     moves: Float[np.ndarray, "pieces degrees terms"]  # coefficients of the smooth path to those of the polynomial, without the constant
     spread: Float[np.ndarray, "degrees axes"]  # of these, for a path of 1 px an exposure
@@ -248,12 +253,13 @@ class _Pieces:
 
     @classmethod
     def of(cls, path: Spline, camera: Camera, tones: Sequence[Tone] = ()) -> "_Pieces":
-        timing = camera.timing
+        timing = camera.timing.lasting(KNOTS * path.smooth.spacing)
         duration = timing.interval[1]
         last = max(path.t0, path.t1 - duration)  # where the last piece begins; no part of the path is without a prior
         begins = np.linspace(path.t0, last, 1 + int(np.ceil((last - path.t0) / (duration / 2) - _ROUNDING)))
         unit = pose_unit(camera.intrinsics, path.coefficients.shape[1])
         return cls(
+            timing=timing,
             begins=begins,
             moves=windows(path.smooth, begins, timing)[:, 1:],
             spread=shake_spread(TERMS - 1, timing)[:, None] * unit,

@@ -97,3 +97,11 @@ def test_sample_times_integrate_linear_motion_exactly(samples, slope):
 def test_an_absurd_timing_names_the_slip(exposure, row_time, rows, slip):
     with pytest.raises(ValueError, match=slip):
         ShutterTiming(exposure=exposure, row_time=row_time, rows=rows)
+
+
+@pytest.mark.parametrize(("seconds", "lasts"), [(0.05, 0.05), (0.03, 0.03), (0.004, 0.025)])
+def test_a_longer_readout_makes_an_interval_last_and_a_long_one_stays(seconds: float, lasts: float) -> None:
+    timing = ShutterTiming.from_readout(exposure=0.005, readout=0.02, rows=40)
+    longer = timing.lasting(seconds)
+    assert longer.interval[1] == pytest.approx(lasts)
+    assert (longer.exposure, longer.rows) == (timing.exposure, timing.rows)

@@ -166,6 +166,23 @@ def test_no_part_of_a_path_is_without_a_prior() -> None:
     assert max(reach) < 1.0
 
 
+@pytest.mark.parametrize(("exposure", "readout"), [(2e-3, 8e-3), (2e-3, 1e-3), (5e-4, 1e-4), (5e-4, 0.0)])
+def test_the_path_of_short_exposures_is_right_and_its_equations_no_larger_and_no_worse_than_of_half_a_period(
+    exposure: float, readout: float
+) -> None:
+    true = sway(2)
+
+    def followed(readout: float) -> tuple[CameraPath, np.ndarray]:
+        timing = ShutterTiming.from_readout(exposure=exposure, readout=readout, rows=120)
+        path = follow(exact(true, timing), BEGINS, replace(TAKEN, timing=timing), 2)
+        return path, path.spline.at(BEGINS + timing.middle) - true.at(BEGINS + timing.middle)
+
+    (found, off), (longer, _) = followed(readout), followed(1 / 48 - exposure)
+    assert np.ptp(off, axis=0).max() < 0.1
+    assert len(found.precision) <= len(longer.precision)
+    assert np.linalg.cond(found.precision) < 1.5 * np.linalg.cond(longer.precision)
+
+
 def test_displacements_are_certain_where_points_show_them_and_uncertain_where_none_do() -> None:
     half_seen = follow(exact(sway(3))[:4] + [NOTHING] * 3, BEGINS, TAKEN, 3)
     shares = certainties(half_seen, BEGINS, [True] * 4 + [False] * 4, TIMING)
