@@ -65,3 +65,4 @@ class FrameResult:
     convergence: tuple[float, ...] = ()  # the objective after each step towards the trajectory
     psfs: Float[np.ndarray, "down across k k"] | None = None  # over a grid of the frame, where no trajectory implies them
     timing_source: str = "explicit"  # where the timing comes from; solvers do not ask
+    overlaid: float = 0.0  # of the picture, which graphics cover that are left as they were

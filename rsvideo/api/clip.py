@@ -23,6 +23,7 @@ from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.pipeline import chunk as chunks
+from rsvideo.pipeline import overlaid
 from rsvideo.pipeline.tracked import Tracked
 from rsvideo.progress import Observer, ignore
 from rsvideo.restoration.movement import Evidence, Movement
@@ -153,7 +154,8 @@ def track(
     shot = _footage(frames, Stated.of(shutter, camera, settings, rate=rate, transfer=transfer, force=force))
     camera_found, found, times = shot.treatment.camera, [], []
     for chunk, pictures in shot.chunks():
-        moving = chunks.movement(shot.treatment, pictures, shot.colour, None, observe or ignore)
+        overlay = overlaid.over(shot.treatment, pictures, shot.colour)
+        moving = chunks.movement(shot.treatment, pictures, shot.colour, overlay, None, observe or ignore)
         mine, part = chunks.own(chunk, pictures, moving)
         found.append(part)
         times += [picture.time for picture in mine]
@@ -188,8 +190,10 @@ def _footage(frames: Source, stated: Stated) -> Footage:
 
 def _restored(shot: Footage, given: Track | None, observe: Observer) -> Iterator[Result]:
     for chunk, pictures in shot.chunks():
-        moving = _given(given, pictures) if given else chunks.movement(shot.treatment, pictures, shot.colour, shot.motion, observe)
-        for picture, result, to_next in chunks.restored(shot.treatment, chunk, pictures, shot.colour, moving, observe):
+        treatment, meaning = shot.treatment, shot.colour
+        overlay = overlaid.over(treatment, pictures, meaning)
+        moving = _given(given, pictures) if given else chunks.movement(treatment, pictures, meaning, overlay, shot.motion, observe)
+        for picture, result, to_next in chunks.restored(treatment, chunk, pictures, meaning, overlay, moving, observe):
             latent = shot.shown(picture, within(result.latent) if result.verdict.changed else result.frame.pixels)
             yield public(result, latent, camera=shot.treatment.camera.intrinsics, to_next=to_next, notes=shot.notes)
 

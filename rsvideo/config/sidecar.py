@@ -106,6 +106,8 @@ class FrameRecord(Record):
     """The objective after each step of the last refinement of the trajectory."""
     psfs: Annotated[list[list[list[list[Finite]]]], Field(fail_fast=True, min_length=1, max_length=64)] | None = None
     """PSFs over a grid of the frame, (down, across, k, k), of methods that know no trajectory."""
+    overlaid: Annotated[Finite, Field(ge=0, le=1)] = 0.0
+    """Share of the picture that graphics cover, which are left as they were."""
     found: Found | None = None
     """By `rsvideo track`: `trajectory` as it was found, and what else a restoration needs."""
 
@@ -122,7 +124,7 @@ class FrameRecord(Record):
 
     def encode(self) -> bytes:
         """One line of JSON, without what there is nothing to say of."""
-        unsaid = {name for name in ("to_next", "convergence", "psfs", "found") if not getattr(self, name)}
+        unsaid = {name for name in ("to_next", "convergence", "psfs", "overlaid", "found") if not getattr(self, name)}
         return self.model_dump_json(exclude=unsaid).encode()
 
 

@@ -17,12 +17,13 @@ from rsvideo.config.files import write_whole
 from rsvideo.config.method import Method
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Frame, FrameResult, Verdict
-from rsvideo.pipeline import clip_frames, given_movement, methods, output
+from rsvideo.pipeline import clip_frames, given_movement, methods, output, overlaid
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.pipeline.pieces import Chunk, ChunkRecord
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.overlay import Overlay
 from rsvideo.video import colour, cuts, decode, planes, vidstab
 from rsvideo.video.stream import Colour, Picture
 
@@ -111,15 +112,22 @@ def treated(
 ) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
     """The chunk's own among the pictures in view as they are shown, and what `restored` answers of them."""
     held = list(pictures)
-    moving = movement(treatment, held, meaning, given, observe)
-    answers = restored(treatment, chunk, held, meaning, moving, observe)
+    overlay = overlaid.over(treatment, held, meaning)
+    moving = movement(treatment, held, meaning, overlay, given, observe)
+    answers = restored(treatment, chunk, held, meaning, overlay, moving, observe)
     del held
     for picture, result, to_next in answers:
         yield colour.codes(result.latent, picture, meaning) if result.verdict.changed else picture, result, to_next
 
 
 def restored(
-    treatment: Treatment, chunk: Chunk, pictures: Sequence[Picture], meaning: Colour, moving: Movement, observe: Observer
+    treatment: Treatment,
+    chunk: Chunk,
+    pictures: Sequence[Picture],
+    meaning: Colour,
+    overlay: Overlay | None,
+    moving: Movement,
+    observe: Observer,
 ) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
     """The chunk's own among the pictures in view, what becomes of each, and the step from its pose to the next one's.
 
@@ -127,7 +135,7 @@ def restored(
     """
     wanted, moving = own(chunk, pictures, moving)
     del pictures
-    for k, result in enumerate(_results(treatment, wanted, meaning, moving, observe)):
+    for k, result in enumerate(_results(treatment, wanted, meaning, overlay, moving, observe)):
         picture, wanted[k] = wanted[k], replace(wanted[k], planes=())
         yield picture, result, moving.steps[k] if moving.tied[k] else None
 
@@ -150,7 +158,9 @@ def _steadied(task: Task, pictures: list[Picture], folder: Path) -> list[Picture
     return [replace(before, planes=after.planes) for before, after in zip(pictures, laid, strict=True)]
 
 
-def _results(treatment: Treatment, pictures: list[Picture], meaning: Colour, moving: Movement, observe: Observer) -> Iterator[FrameResult]:
+def _results(
+    treatment: Treatment, pictures: list[Picture], meaning: Colour, overlay: Overlay | None, moving: Movement, observe: Observer
+) -> Iterator[FrameResult]:
     """What becomes of each picture, in order."""
     for damaged, some in groupby(range(len(pictures)), key=lambda k: pictures[k].damaged):
         indices = list(some)
@@ -162,12 +172,15 @@ def _results(treatment: Treatment, pictures: list[Picture], meaning: Colour, mov
                 observe(Progress(stage="passed on", fraction=1.0, frame=frame.index))
         else:
             part = moving.part(indices[0], indices[-1] + 1)
-            yield from methods.run(treatment, frames, part, observe)
+            yield from overlaid.treated(frames, overlay, lambda scene, part=part: methods.run(treatment, scene, part, observe))
 
 
-def movement(treatment: Treatment, pictures: Sequence[Picture], meaning: Colour, given: Path | None, observe: Observer) -> Movement:
+def movement(
+    treatment: Treatment, pictures: Sequence[Picture], meaning: Colour, overlay: Overlay | None, given: Path | None, observe: Observer
+) -> Movement:
     """The motion within each picture, and from each to the next: as a file gives it, or found."""
     if given is not None:
         return given_movement.of_pictures(given, treatment.camera, [(p.index, p.time) for p in pictures])
     begins = np.array([p.time for p in pictures])
-    return methods.movement(treatment, (clip_frames.frame(meaning, p) for p in pictures), begins, observe)
+    frames = (clip_frames.frame(meaning, picture) for picture in pictures)
+    return methods.movement(treatment, overlaid.cleared(frames, overlay), begins, observe)

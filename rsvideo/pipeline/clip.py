@@ -76,12 +76,14 @@ class Tally:
 
     verdicts: Counter[str] = field(default_factory=Counter)
     exposures: list[float] = field(default_factory=list)  # s, each frame's
+    overlaid: list[float] = field(default_factory=list)  # of each frame with graphics over it, the share that these cover
     seconds: float = 0.0  # of work
 
     def add(self, frame: FrameRecord) -> None:
         """One frame more."""
         self.verdicts[frame.verdict] += 1
         self.exposures.append(frame.timing.exposure_s)
+        self.overlaid += [frame.overlaid] if frame.overlaid else []
         self.seconds += frame.seconds
 
 
@@ -90,7 +92,7 @@ def outcome(task: Task, tally: Tally, notes: tuple[str, ...]) -> Outcome:
     verdicts = tally.verdicts
     restored = sum(verdicts[verdict] for verdict in Verdict if verdict.deblurred)
     return Outcome(
-        notes=notes + _of_exposures(task, tally),
+        notes=notes + _of_exposures(task, tally) + _of_graphics(tally),
         restored=restored,
         left=verdicts.total() - restored - verdicts[Verdict.DAMAGED],
         straightened=sum(verdicts[verdict] for verdict in Verdict if verdict.straightened),
@@ -110,6 +112,16 @@ def _of_exposures(task: Task, tally: Tally) -> tuple[str, ...]:
         left = f"the blur of {disagreeing} frames does not show {ms(stated)}, they were straightened only"
         notes += (f"exposure: {left}; give --exposure as it was",)
     return notes
+
+
+def _of_graphics(tally: Tally) -> tuple[str, ...]:
+    """What is left as it was of frames with graphics over them."""
+    if not tally.overlaid:
+        return ()
+    frames, most = f"{len(tally.overlaid)} frames", f"{100 * max(tally.overlaid):.2g} %"
+    return (
+        f"captions, bars or whatever else stays in place covers up to {most} of {frames}; it is left as it was, and so is what it hides",
+    )
 
 
 def side_by_side(task: Task, pictures: Iterable[Picture]) -> tuple[Stream, Iterator[Picture]]:

@@ -18,10 +18,11 @@ from rsvideo.config.request import Measured
 from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.pipeline import clip_frames
+from rsvideo.pipeline import clip_frames, overlaid
 from rsvideo.pipeline.take import Opened, Take, Taken
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run
+from rsvideo.restoration.overlay import Overlay
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing, usual
 from rsvideo.shooting.fact import Fact
@@ -69,11 +70,12 @@ def of_frames(take: Take, given: Stated, frames: Callable[[], Iterable[Frame]]) 
     focal, open_questions = _stated_focal(take, given), needed(given, take.shutter)
     if focal is not None and not open_questions:
         return None
-    found = measured(frames(), given, take.shutter, focal)
+    overlay = Overlay.of(frames())
+    found = measured(overlaid.cleared(frames(), overlay), given, take.shutter, focal)
     if found.direction is None or not timing.direction_of(given, take.shutter).assumed:
         return found
     turned = given.model_copy(update={"direction": found.direction})
-    return measured(frames(), turned, take.shutter, focal).model_copy(update={"direction": found.direction})
+    return measured(overlaid.cleared(frames(), overlay), turned, take.shutter, focal).model_copy(update={"direction": found.direction})
 
 
 def middle(first: int, last: int) -> tuple[int, int]:

@@ -84,6 +84,7 @@ def frame_record(result: FrameResult, to_next: np.ndarray | None = None) -> side
         verdict=result.verdict,
         seconds=result.seconds,
         convergence=list(result.convergence),
+        overlaid=round(result.overlaid, 4),
         psfs=None if result.psfs is None else _trimmed(result.psfs).round(_DIGITS).tolist(),
     )
 

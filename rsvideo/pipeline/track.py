@@ -10,13 +10,14 @@ from rsvideo.config.files import made_within, sha256
 from rsvideo.config.placing import aside, place
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.frame import Verdict
-from rsvideo.pipeline import clip_frames, given_movement, methods, output
+from rsvideo.pipeline import clip_frames, given_movement, methods, output, overlaid
 from rsvideo.pipeline.chunk import chunks, in_view, movement, own
 from rsvideo.pipeline.pieces import Chunk
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.restoration import multi_frame
 from rsvideo.restoration.movement import Movement
+from rsvideo.restoration.overlay import Overlay
 from rsvideo.video.stream import Picture
 
 ALONE = "restored by itself, which then shows its verdict: no point of it could be followed"
@@ -73,9 +74,10 @@ def _frames(task: Task, observe: Observer) -> Iterator[FrameRecord]:
 def _records(task: Task, chunk: Chunk, pictures: Sequence[Picture], observe: Observer) -> Iterator[FrameRecord]:
     """What was found of a chunk's own frames, and what will become of them."""
     started, treatment, meaning = time.monotonic(), task.treatment, task.stream.colour
-    moving = movement(treatment, pictures, meaning, None, observe)
+    overlay = overlaid.over(treatment, pictures, meaning)
+    moving = movement(treatment, pictures, meaning, overlay, None, observe)
     mine, moving = own(chunk, pictures, moving)
-    verdicts = list(_verdicts(task, mine, moving))
+    verdicts = list(_verdicts(task, mine, moving, overlay))
     seconds = (time.monotonic() - started) / max(len(mine), 1)
     cameras = moving.cameras(treatment.camera)
     for k, (picture, verdict, camera) in enumerate(zip(mine, verdicts, cameras, strict=True)):
@@ -86,8 +88,8 @@ def _records(task: Task, chunk: Chunk, pictures: Sequence[Picture], observe: Obs
         yield line.model_copy(update={"found": found, "verdict": verdict or ALONE})
 
 
-def _verdicts(task: Task, pictures: Sequence[Picture], moving: Movement) -> Iterator[Verdict | None]:
+def _verdicts(task: Task, pictures: Sequence[Picture], moving: Movement, overlay: Overlay | None) -> Iterator[Verdict | None]:
     camera, settings, meaning = task.treatment.camera, task.settings, task.stream.colour
-    frames = (clip_frames.frame(meaning, picture) for picture in pictures)
+    frames = overlaid.cleared((clip_frames.frame(meaning, picture) for picture in pictures), overlay)
     for picture, verdict in zip(pictures, multi_frame.verdicts(frames, moving, camera, settings), strict=True):
         yield Verdict.DAMAGED if picture.damaged else verdict

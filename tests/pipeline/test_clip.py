@@ -239,6 +239,14 @@ def test_frames_that_were_restored_with_another_exposure_than_the_stated_one_are
     assert all(text in note for text, note in zip(words, notes, strict=True))
 
 
+@pytest.mark.parametrize(("shares", "words"), [([], ()), ([0.02, 0.0312], ("covers up to 3.1 % of 2 frames; it is left as it was",))])
+def test_graphics_that_are_left_as_they_were_are_told_of(shares: list[float], words: tuple[str, ...], tmp_path: Path) -> None:
+    task = prepare(asked(make(tmp_path / "in.mkv", codec="ffv1", rows=96, cols=160), tmp_path / "out.mkv", **KNOWN))
+    notes = outcome(task, Tally(verdicts=Counter({Verdict.RESTORED: 2}), overlaid=shares), ()).notes
+    assert len(notes) == len(words)
+    assert all(text in note for text, note in zip(words, notes, strict=True))
+
+
 def test_a_null_run_keeps_rotation_dates_and_tags(tmp_path: Path) -> None:
     source = make(tmp_path / "in.mp4", rotation=90, sound=True, tags={"title": "a walk", "creation_time": "2024-05-06T07:08:09.000000Z"})
     carried_out(prepare(asked(source, tmp_path / "out.mp4", method=Method.NONE)), tmp_path)

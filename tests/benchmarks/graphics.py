@@ -1,0 +1,170 @@
+"""Draw captions, logos or bars over clips, restore them, and print what became of the scene and of the graphics.
+
+    python tests/benchmarks/graphics.py CASES -o RESULTS [--over nothing|caption|bars ...] [--exposure stated|none ...]
+        [--quality 18] [--find] [--only NAME ...] [--set ROOM.NUMBER=VALUE ...] [--json FILE]
+
+CASES holds a folder a case, as for tests/benchmarks/footage.py. Over each picture of clip.mp4 and of truth.mp4 come a time stamp whose
+seconds run, and a logo in a box, or black bars of a tenth of the height; both are encoded anew, by H.264 at this rate factor. The gains
+of frames are those of footage.py, graphics included. Of the graphics' own pixels, the RMS of codes by which they differ from the clip
+that is given, in the middle one of all clips. With --find nothing is restored: what the finder takes for graphics, of their pixels and
+of all others. --set tries other numbers of rsvideo.restoration than the present ones: with overlay.FEWEST=1000 nothing is found.
+"""
+
+import argparse
+import shutil
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import footage
+import numpy as np
+import published
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+from clips import luma
+
+from rsvideo.pipeline import clip_frames
+from rsvideo.restoration.overlay import Overlay
+from rsvideo.video.decode import pictures, probe
+
+OVER = ("nothing", "caption", "bars")
+FONT, WHITE, RED_LUMA = cv2.FONT_HERSHEY_SIMPLEX, 235, 81
+BAR = 0.1  # of the height
+SECONDS = 8.6  # of the clock when a clip begins: it changes within a clip of twelve frames
+
+
+def drawn(luma_codes: np.ndarray, over: str, seconds: float) -> np.ndarray:
+    """A picture's luma with graphics over it."""
+    out = luma_codes.copy()
+    rows, cols = out.shape
+    size = rows / 500
+    if over == "caption":
+        clock = f"2026-11-29 12:00:{int(SECONDS + seconds):02} 48 km/h"
+        cv2.putText(out, clock, (cols // 40, rows - rows // 20), FONT, size, WHITE, max(1, round(2 * size)), cv2.LINE_AA)
+        box = (cols - cols // 5, rows // 25), (cols - cols // 30, rows // 25 + rows // 8)
+        cv2.rectangle(out, *box, WHITE, -1)
+        cv2.putText(out, "NEWS", (box[0][0] + cols // 60, box[1][1] - rows // 30), FONT, 1.6 * size, RED_LUMA, 2, cv2.LINE_AA)
+    elif over == "bars":
+        out[: round(BAR * rows)] = out[rows - round(BAR * rows) :] = 16
+    return out
+
+
+def draw(source: Path, output: Path, over: str, quality: int) -> None:
+    """The clip with graphics over it."""
+    stream = probe(source)
+    with av.open(str(output), "w") as file:
+        video = file.add_stream("libx264", rate=Fraction(stream.rate), options={"crf": str(quality)})
+        assert isinstance(video, VideoStream)
+        video.width, video.height, video.pix_fmt = stream.cols, stream.rows, "yuv420p"
+        context = video.codec_context
+        context.color_primaries, context.color_trc, context.colorspace, context.color_range = stream.colour.h273
+        for k, picture in enumerate(pictures(stream)):
+            planes = list(picture.planes)
+            planes[0] = drawn(planes[0], over, k / float(stream.rate))
+            for c in (1, 2):
+                small = cv2.resize((planes[0] != picture.planes[0]).astype(np.uint8), planes[c].shape[::-1], interpolation=cv2.INTER_AREA)
+                planes[c] = np.where(small > 0, 128, planes[c]).astype(np.uint8)
+            stacked = np.concatenate([plane.ravel() for plane in planes]).reshape(-1, stream.cols)
+            frame = VideoFrame.from_ndarray(stacked, format="yuv420p")
+            frame.pts, frame.time_base, frame.color_range = k, 1 / Fraction(stream.rate), stream.colour.h273[3]
+            file.mux(video.encode(frame))
+        file.mux(video.encode(None))
+
+
+def graphics_of(case: Path, over: str) -> np.ndarray:
+    """Which pixels of each picture of a case are graphics."""
+    stream = probe(case / "clip.mp4")
+    shape = stream.rows, stream.cols
+    grounds = [np.full(shape, code, np.uint8) for code in (60, 180)]
+    shown = [[drawn(ground, over, k / float(stream.rate)) != ground for ground in grounds] for k in range(stream.frames)]
+    return np.array([first | second for first, second in shown])
+
+
+def found(case: Path, over: str) -> dict:
+    """How much of the graphics, and of all else, is taken for graphics."""
+    stream, true = probe(case / "clip.mp4"), graphics_of(case, over).any(axis=0)
+    overlay = Overlay.of(clip_frames.frame(stream.colour, picture) for picture in pictures(stream))
+    covered = np.zeros(true.shape, bool) if overlay is None else overlay.covered
+    return {
+        "over": over,
+        "clip": case.name,
+        "found_share": float(covered[true].mean()) if true.any() else None,
+        "scene_share": float(covered[~true].mean()),
+    }
+
+
+def differs(case: Path, over: str, way: str, folder: Path) -> float:
+    """RMS of the codes of graphics, between the clip and what became of it."""
+    mask = graphics_of(case, over)
+    before, after = (np.array(luma(path))[..., 0] for path in (case / "clip.mp4", folder / f"{case.name}.{way}.mkv"))
+    return 255 * float(np.sqrt(np.mean((after - before)[mask] ** 2)))
+
+
+def restored(cases: list[Path], over: str, ways: list[str], folder: Path) -> list[dict]:
+    """The figures of all cases together, way by way."""
+    rows = [row for case in cases for row, _ in footage.rows_of(case, ways, folder)]
+    out = []
+    for each in footage.summary(rows, ways):
+        apart = None if over == "nothing" else float(np.median([differs(case, over, each["exposure"], folder) for case in cases]))
+        out.append({"over": over, **{name: each[name] for name in COLUMNS}, "graphics_differ": apart})
+    return out
+
+
+COLUMNS = ("exposure", "clips", "frames", "blurred", "blurred_gain_db", "harmed_share", "harmed_much", "least_gain_db", "sides_gain_db")
+
+
+def main() -> None:
+    """Run, and print Markdown tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cases", type=Path)
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    parser.add_argument("--over", nargs="+", choices=OVER, default=list(OVER))
+    parser.add_argument("--exposure", nargs="+", default=["stated", "none"], metavar="WAY")
+    parser.add_argument("--quality", type=int, default=18)
+    parser.add_argument("--find", action="store_true")
+    parser.add_argument("--only", nargs="+", metavar="NAME")
+    parser.add_argument("--set", nargs="+", default=[], metavar="ROOM.NUMBER=VALUE")
+    parser.add_argument("--json", type=Path)
+    args = parser.parse_args()
+    cases = sorted(f.parent for f in args.cases.glob("*/case.json") if not args.only or f.parent.name in args.only)
+    if not cases:
+        sys.exit(f"{args.cases} holds no case")
+    footage.try_numbers(args.set)
+    rows: list[dict] = []
+    for over in args.over:
+        made = [args.output / over / case.name for case in cases]
+        for case, copy in zip(cases, made, strict=True):
+            copy.mkdir(parents=True, exist_ok=True)
+            shutil.copy(case / "case.json", copy)
+            for name in ("clip.mp4", "truth.mp4"):
+                draw(case / name, copy / name, over, args.quality)
+        if args.find:
+            rows += [found(case, over) for case in made]
+        else:
+            rows += restored(made, over, args.exposure, args.output / over)
+    print()
+    published.print_rows(rows)
+    if args.find:
+        published.print_rows(rows := [found_together(rows, over) for over in args.over])
+    if args.json:
+        published.write(args.json, {"graphics_found" if args.find else "graphics": rows}, [])
+
+
+def found_together(rows: list[dict], over: str) -> dict:
+    """The mean of all clips, and how many have any of their scene covered."""
+    some = [row for row in rows if row["over"] == over]
+    shares = [row["found_share"] for row in some if row["found_share"] is not None]
+    return {
+        "over": over,
+        "clips": len(some),
+        "found_share": float(np.mean(shares)) if shares else None,
+        "least_found_share": float(np.min(shares)) if shares else None,
+        "scene_share": float(np.mean([row["scene_share"] for row in some])),
+        "most_scene_share": float(np.max([row["scene_share"] for row in some])),
+    }
+
+
+if __name__ == "__main__":
+    main()
