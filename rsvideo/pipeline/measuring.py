@@ -6,6 +6,7 @@ How points move from frame to frame shows the readout and the focal length, and 
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from rsvideo.pipeline import clip_frames, overlaid
 from rsvideo.pipeline.take import Opened, Take, Taken
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run
-from rsvideo.restoration.overlay import Overlay
+from rsvideo.restoration.overlay import PICTURES, Overlay
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import timing, usual
 from rsvideo.shooting.fact import Fact
@@ -70,7 +71,7 @@ def of_frames(take: Take, given: Stated, frames: Callable[[], Iterable[Frame]]) 
     focal, open_questions = _stated_focal(take, given), needed(given, take.shutter)
     if focal is not None and not open_questions:
         return None
-    overlay = Overlay.of(frames())
+    overlay = Overlay.of(islice(frames(), PICTURES))
     found = measured(overlaid.cleared(frames(), overlay), given, take.shutter, focal)
     if found.direction is None or not timing.direction_of(given, take.shutter).assumed:
         return found

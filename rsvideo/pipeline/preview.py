@@ -21,13 +21,12 @@ from rsvideo.physics import tone
 from rsvideo.physics.noise import Noise
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Tone, Transfer
-from rsvideo.pipeline import clip_frames, given_movement, methods, overlaid
+from rsvideo.pipeline import clip_frames, given_movement, methods
 from rsvideo.pipeline.pieces import Outcome
 from rsvideo.pipeline.prepare import Task
 from rsvideo.progress import Observer, Progress
 from rsvideo.restoration import clip_motion
 from rsvideo.restoration.movement import Movement
-from rsvideo.restoration.overlay import Overlay
 from rsvideo.shooting import given_motion
 from rsvideo.stills.codes import Codes
 from rsvideo.stills.still import Format
@@ -138,10 +137,8 @@ def _clip(shown: Task, task: Task, first: int, last: int, observe: Observer) -> 
     if not mine:
         raise ValueError(f"frame {first} is not among those that are restored, {task.first} to {task.last - 1}; choose another")
     observe(Progress(stage="motion", fraction=0.1))
-    overlay = None if task.request.deblur.method is Method.NONE else Overlay.of(frames)
-    scene = [*overlaid.cleared(frames, overlay)]
-    moving = _movement(shown, task, scene, mine, observe).part(mine[0], mine[-1] + 1)
-    yield from overlaid.treated([frames[k] for k in mine], overlay, lambda cleared: methods.run(shown.treatment, cleared, moving, observe))
+    moving = _movement(shown, task, frames, mine, observe).part(mine[0], mine[-1] + 1)
+    yield from methods.run(shown.treatment, [frames[k] for k in mine], moving, observe)
 
 
 def _movement(shown: Task, task: Task, frames: Sequence[Frame], mine: Sequence[int], observe: Observer) -> Movement:

@@ -10,7 +10,7 @@ pixel. Single pixels of a scene may; whole neighbourhoods do not, in most of the
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, starmap
 
 import cv2
 import numpy as np
@@ -21,13 +21,16 @@ from rsvideo.frame import Frame, FrameResult
 from rsvideo.physics.luminance import luminance
 from rsvideo.restoration.tracks import codes
 
-PICTURES = 16  # of a run, evenly spread, that are compared, each with the next
-FEWEST = 4  # pairs of them in which the scene moves, or nothing is found
+PICTURES = 16  # of a run, evenly spread, that are compared, each with the next, and with that half the run behind it
+FEWEST = 7  # pairs of neighbours among them between which the scene moves, or nothing is found
 STAYS, MOVES = 0.04, 0.25  # (0.2 px)^2 and (0.5 px)^2: change of code^2 over gradient^2 up to which, and from which on, a place does
 TEXTURE = 60.0  # codes^2 / px^2, of the gradients about a place, below which it tells nothing; origin: by trial
 FIRM = 0.03  # of the pixels that stay of a graphic, those that have to stay with all about them; 0.02 to 0.05 do alike
 LEAST_FIRM = 4  # px, the same
-OFTEN, MOSTLY = 0.5, 0.8  # of the pairs, in which a pixel of graphics stays, and with all about it a part of them: a clock's digits change
+OFTEN, MOSTLY = (
+    0.5,
+    0.8,
+)  # of the former pairs, in which a pixel of graphics stays, and of the latter, in which a part of them does with all about it
 CELLS, MOVING_CELLS = 3, 0.7  # a side of the grid over the picture; of its cells in which anything moves or much stays, those that move
 LARGE = 0.2  # of a cell, with texture, which may stay though little of its scene moves
 MOST = 1 / 3  # of the picture, covered by graphics; else the camera stands still, and something moves before it
@@ -104,14 +107,17 @@ def _covered(pictures: Sequence[UInt8[np.ndarray, "rows cols"]]) -> Bool[np.ndar
     inside = np.ix_(~covered.all(axis=1), ~covered.all(axis=0))
     if covered.all():
         return covered
-    single, firm = np.zeros((2, *covered[inside].shape), np.uint8)
-    pairs = 0
-    for pair in (_Pair.of(*both) for both in pairwise(_Picture.of(picture[inside]) for picture in pictures)):
-        if pair.moving:
-            single, firm, pairs = single + pair.single, firm + pair.firm, pairs + 1
-    if pairs < FEWEST:
+    inner = [picture[inside] for picture in pictures]
+    stays, firm = np.zeros((2, *inner[0].shape), np.uint8)
+    moving = 0
+    for pair in starmap(_Pair.of, pairwise(map(_Picture.of, inner))):
+        stays, moving = stays + (pair.moving & pair.single), moving + pair.moving
+    if moving < FEWEST:
         return np.zeros_like(covered)
-    graphics = _together(np.greater_equal(single, OFTEN * pairs), np.greater_equal(firm, MOSTLY * pairs))
+    distant = inner[len(inner) // 2 :]  # by then what is far away has moved, too
+    for pair in map(_Pair.of, map(_Picture.of, inner), map(_Picture.of, distant)):
+        firm = firm + pair.firm
+    graphics = _together(np.greater_equal(stays, OFTEN * moving), np.greater_equal(firm, MOSTLY * len(distant)))
     if graphics.mean() <= MOST:
         covered[inside] |= graphics
     return covered
