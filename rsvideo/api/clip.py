@@ -154,7 +154,7 @@ def track(
     shot = _footage(frames, Stated.of(shutter, camera, settings, rate=rate, transfer=transfer, force=force))
     camera_found, found, times = shot.treatment.camera, [], []
     for chunk, pictures in shot.chunks():
-        overlay = overlaid.over(shot.treatment, pictures, shot.colour)
+        overlay = overlaid.found(shot.treatment, pictures, shot.colour)
         moving = chunks.movement(shot.treatment, pictures, shot.colour, overlay, None, observe or ignore)
         mine, part = chunks.own(chunk, pictures, moving)
         found.append(part)
@@ -191,7 +191,7 @@ def _footage(frames: Source, stated: Stated) -> Footage:
 def _restored(shot: Footage, given: Track | None, observe: Observer) -> Iterator[Result]:
     for chunk, pictures in shot.chunks():
         treatment, meaning = shot.treatment, shot.colour
-        overlay = overlaid.over(treatment, pictures, meaning)
+        overlay = overlaid.found(treatment, pictures, meaning)
         moving = _given(given, pictures) if given else chunks.movement(treatment, pictures, meaning, overlay, shot.motion, observe)
         for picture, result, to_next in chunks.restored(treatment, chunk, pictures, meaning, overlay, moving, observe):
             latent = shot.shown(picture, within(result.latent) if result.verdict.changed else result.frame.pixels)

@@ -112,7 +112,7 @@ def treated(
 ) -> Iterator[tuple[Picture, FrameResult, np.ndarray | None]]:
     """The chunk's own among the pictures in view as they are shown, and what `restored` answers of them."""
     held = list(pictures)
-    overlay = overlaid.over(treatment, held, meaning)
+    overlay = overlaid.found(treatment, held, meaning)
     moving = movement(treatment, held, meaning, overlay, given, observe)
     answers = restored(treatment, chunk, held, meaning, overlay, moving, observe)
     del held

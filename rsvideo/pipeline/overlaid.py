@@ -10,7 +10,7 @@ from rsvideo.restoration.overlay import Lifted, Overlay, spread
 from rsvideo.video.stream import Colour, Picture
 
 
-def over(treatment: Treatment, pictures: Sequence[Picture], meaning: Colour) -> Overlay | None:
+def found(treatment: Treatment, pictures: Sequence[Picture], meaning: Colour) -> Overlay | None:
     """The graphics over pictures in view; None where there are none, or where nothing is done to the scene."""
     if treatment.method is Method.NONE:
         return None

@@ -74,7 +74,7 @@ def _frames(task: Task, observe: Observer) -> Iterator[FrameRecord]:
 def _records(task: Task, chunk: Chunk, pictures: Sequence[Picture], observe: Observer) -> Iterator[FrameRecord]:
     """What was found of a chunk's own frames, and what will become of them."""
     started, treatment, meaning = time.monotonic(), task.treatment, task.stream.colour
-    overlay = overlaid.over(treatment, pictures, meaning)
+    overlay = overlaid.found(treatment, pictures, meaning)
     moving = movement(treatment, pictures, meaning, overlay, None, observe)
     mine, moving = own(chunk, pictures, moving)
     verdicts = list(_verdicts(task, mine, moving, overlay))

@@ -4,8 +4,8 @@ They stay in place while the scene moves. No camera's motion has blurred or disp
 double them, and their corners would pretend that the camera stands still. So they are taken off before the motion is found, and laid
 over the result as they were.
 
-A pixel stays from one picture to another where its code changes by less than the gradients about it would by a small fraction of a
-pixel. Single pixels of a scene may; whole neighbourhoods do not, in most of the pairs of pictures in which most of the scene moves.
+A pixel stays from one picture to another where its code changes by less than it would if the gradients about it had moved by a fraction
+of a pixel. Single pixels of a scene may do so; whole neighbourhoods do not, in pictures that are far apart, between which the scene moves.
 """
 
 from collections.abc import Iterable, Sequence
@@ -27,10 +27,8 @@ STAYS, MOVES = 0.04, 0.25  # (0.2 px)^2 and (0.5 px)^2: change of code^2 over gr
 TEXTURE = 60.0  # codes^2 / px^2, of the gradients about a place, below which it tells nothing; origin: by trial
 FIRM = 0.03  # of the pixels that stay of a graphic, those that have to stay with all about them; 0.02 to 0.05 do alike
 LEAST_FIRM = 4  # px, the same
-OFTEN, MOSTLY = (
-    0.5,
-    0.8,
-)  # of the former pairs, in which a pixel of graphics stays, and of the latter, in which a part of them does with all about it
+OFTEN = 0.5  # of the pairs of neighbours, in which a pixel of graphics stays: a clock's digits change
+MOSTLY = 0.8  # of the distant pairs, in which a part of graphics stays with all about it; and of pictures, whose bars are equally high
 CELLS, MOVING_CELLS = 3, 0.7  # a side of the grid over the picture; of its cells in which anything moves or much stays, those that move
 LARGE = 0.2  # of a cell, with texture, which may stay though little of its scene moves
 MOST = 1 / 3  # of the picture, covered by graphics; else the camera stands still, and something moves before it

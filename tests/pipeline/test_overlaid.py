@@ -41,7 +41,7 @@ def shown(given: list[Picture]) -> list[np.ndarray]:
 
 
 def moved(given: list[Picture]) -> Movement:
-    return movement(TREATMENT, given, COLOUR, overlaid.over(TREATMENT, given, COLOUR), None, ignore)
+    return movement(TREATMENT, given, COLOUR, overlaid.found(TREATMENT, given, COLOUR), None, ignore)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_the_record_says_how_much_is_covered_and_a_scene_by_itself_has_nothing_o
     frames = [result for _, result, _ in treated(TREATMENT, CHUNK, pictures(captioned=True), COLOUR, None, ignore)]
     assert {frame.overlaid for frame in frames} == {frames[0].overlaid}
     assert 0.05 < frames[0].overlaid < 0.25
-    assert overlaid.over(TREATMENT, pictures(captioned=False), COLOUR) is None
+    assert overlaid.found(TREATMENT, pictures(captioned=False), COLOUR) is None
 
 
 def test_frames_with_nothing_over_them_are_treated_as_they_are() -> None:
