@@ -26,6 +26,7 @@ from rsvideo.restoration.vibration import MOST, Explained, Tone, spreads, strong
 
 KNOTS = 5  # spline pieces a frame's interval; origin: by trial
 MOST_KNOTS = 10  # spline pieces a period, where a frame's interval is short against it; origin: by trial, 5 to 10 gain alike
+FINEST = 1 / 300  # s from knot to knot at least, however fast frames follow each other: ten a period of 30 frames a second
 TERMS = 7  # of the polynomial that stands for the spline within one frame; origin: by trial
 STIFFNESS = 1.0  # of the prior on a hand's motion, before tracks are used: as believed
 BELIEVED = 4.0  # of the path's unknowns, as many as which that belief counts
@@ -83,7 +84,8 @@ def blank(begins: Float[np.ndarray, " frames"], timing: ShutterTiming, axes: int
     """The spline over all frames, at rest."""
     start, end = float(begins[0]), float(begins[-1] + timing.interval[1])
     period = float(np.median(np.diff(begins))) if len(begins) > 1 else 0.0
-    terms = 3 + max(1, int(np.ceil((end - start) / max(timing.interval[1] / KNOTS, period / MOST_KNOTS))))
+    spacing = max(timing.interval[1] / KNOTS, period / MOST_KNOTS, FINEST)
+    terms = 3 + max(1, int(np.ceil((end - start) / spacing)))
     return Spline(t0=start, t1=end, coefficients=np.zeros((terms, axes)))
 
 

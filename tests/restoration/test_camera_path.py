@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -181,6 +182,18 @@ def test_the_path_of_short_exposures_is_right_and_its_equations_no_larger_and_no
     assert np.ptp(off, axis=0).max() < 0.1
     assert len(found.precision) <= len(longer.precision)
     assert np.linalg.cond(found.precision) < 1.5 * np.linalg.cond(longer.precision)
+
+
+def test_frames_that_follow_each_other_fast_have_a_path_no_finer_than_a_hand_moves() -> None:
+    begins, timing, true = np.arange(8) / 240, ShutterTiming.from_readout(exposure=3e-3, readout=1e-3, rows=120), sway(2)
+    x, y = np.meshgrid(np.linspace(20, 140, 12), np.linspace(20, 100, 12))
+    seen = [sights(true, float(t), np.stack([x.ravel(), y.ravel()], axis=1), timing) for t in begins]
+    tracks = [Tracks(before=before, after=after) for before, after in pairwise(seen)]
+    found = follow(tracks, begins, replace(TAKEN, timing=timing), 2)
+    off = found.spline.at(begins + timing.middle) - true.at(begins + timing.middle)
+    assert np.ptp(off, axis=0).max() < 0.1
+    assert len(found.precision) <= 2 * (4 + (begins[-1] + timing.interval[1]) / camera_path.FINEST)
+    np.linalg.cholesky(found.precision)
 
 
 def test_displacements_are_certain_where_points_show_them_and_uncertain_where_none_do() -> None:
