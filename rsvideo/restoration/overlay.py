@@ -52,10 +52,10 @@ class Overlay:
 
     def __init__(self, covered: Bool[np.ndarray, "rows cols"]) -> None:
         self.covered = covered
-        depth = np.asarray(distance_transform_edt(covered))
-        nearest = np.asarray(distance_transform_edt(covered, return_distances=False, return_indices=True))
-        self._opacity = np.minimum(depth[covered] / _RIM, 1).astype(np.float32)[:, None]  # they are laid over the result with soft edges
-        self._nearest = tuple(axis[covered] for axis in nearest)  # pixel of the scene
+        nearest = np.asarray(distance_transform_edt(covered, return_distances=False, return_indices=True))[:, covered]
+        depth = np.linalg.norm(nearest - np.nonzero(covered), axis=0)
+        self._opacity = np.minimum(depth / _RIM, 1).astype(np.float32)[:, None]  # they are laid over the result with soft edges
+        self._nearest = tuple(nearest)  # pixel of the scene
 
     @property
     def share(self) -> float:
