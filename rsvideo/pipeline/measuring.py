@@ -172,6 +172,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     else:
         of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
         shown = shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
+    shown = shown.model_copy(update={"least": round(found.least, DECIMALS)})
     return _unless_in_focus(shown, exposed, given, sources)
 
 
@@ -181,7 +182,8 @@ def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources)
     if typed is None or checked is None or typed.value == checked.value or not exposure.in_better_focus(run, typed.value, checked.value):
         return shown
     reason = f"{timing.UNCLEAR_EXPOSURE}its blur shows another one than {1e3 * typed.value:.4g} ms, but its frames are in focus with that"
-    return shown.model_copy(update={"exposure": None, "most": None, "blur": None, "deviation": 0.0, "unclear": (*shown.unclear, reason)})
+    nothing = {"exposure": None, "deviation": 0.0, "blur": None, "most": None, "least": 0.0}
+    return shown.model_copy(update={**nothing, "unclear": (*shown.unclear, reason)})
 
 
 def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, float]:

@@ -14,6 +14,10 @@ is what frame k shows of the n exposures that are tried. Automatic exposure foll
     log e_k = x + y t_k,    p(x, y) = p(x) p(y) prod_k p_k(exp(x + y t_k)),
 
 with p(y) half at 0 and half in Cauchy's distribution about it: mostly the exposure stays, and where it does not, it may change much.
+
+Lens and codec leave z px of softness in all frames alike. Variances of blurs add, so that the slower a frame moves, by u_k px/s, the
+longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells which exposures softness
+allows.
 """
 
 from collections.abc import Sequence
@@ -35,7 +39,6 @@ from rsvideo.restoration.spectrum import Spectrum, patches
 from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
 from rsvideo.restoration.vibration import exposed
-from rsvideo.shooting import timing
 
 RATIO = 1.25  # from one exposure that is tried to the next
 FINER = 12  # steps of equal ratios between these, at which misfits are interpolated
@@ -47,7 +50,7 @@ FOCUSED = 0.3  # h: from 0.2 to 0.4 the errors differ little, and the share that
 SOFTNESS = 0.5  # g: from 0.3 to 1 little differs where blur is plain, the more the longer short blurs appear
 ASTRAY = 0.2  # w: of the frames, those that show nothing
 PLAIN = 2.5  # px of blur, which an answer must leave in the middle one of these frames; less may be a lens's or a codec's
-SURE = 0.975  # of what is shown: exposures beyond are too long
+SURE = 0.975  # of what is shown: exposures beyond are too long, and where softness is open those below 1 - SURE too short
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
 LEAST_DEVIATION = 0.05  # the same of any answer: nine on clips of single photographs were off by 0.06, where 0.04 was shown
 DEFENDED = 6.0  # px of blur in the middle one of them, from which on focus bears a stated exposure out; wrong ones had 3.6 to 4.8
@@ -57,6 +60,8 @@ ROUGHLY = 0.4  # VAGUE for a part of a clip whose exposure is assumed
 STAYS = 0.5  # of the parts of clips, those in which the exposure does not change; origin: by trial
 STEADY = 0.2  # 1 / s, of the exposure's logarithm: the scale of Cauchy's distribution for how fast it changes else; origin: by trial
 CHANGES = np.linspace(-1.6, 1.6, 33)  # 1 / s, y; automatic exposure rarely changes a frame's by a factor of 5 in a second
+SOFT = np.linspace(0, 6, 13)  # px, z
+USUALLY_SOFT = 2.0  # px, p(z) is half of a Gaussian: clips show 1.3 to 2.3 px, and with 1.5 to 3 px the exposures hardly differ
 ABOUT = 0.3  # of the exposure's logarithm: the scale of Cauchy's distribution for how far a part of a clip is from the clip's exposure
 FARTHEST = 6.0  # times the exposure that is believed, or one by that, is the last that is tried of a part of a clip: typed slips are of 5
 SAME = 1e-3  # relative difference of exposures, up to which both are the same
@@ -71,6 +76,7 @@ class Exposure:
     value: float  # s, in the middle of the frames
     deviation: float  # s
     blur: float  # px, of the middle one of the frames
+    least: float  # s, that softness allows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +85,7 @@ class Unclear:
 
     reason: str
     most: float | None = None  # s; None where blur shows no bound
+    least: float = 0.0  # s, that softness allows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +95,7 @@ class _Tried:
     exposures: Float[np.ndarray, " tried"]  # s, in equal ratios, and FINER of these from one whose blur was compared to the next
     frames: list[int]
     times: Float[np.ndarray, " frames"]  # s, from the middle of the run
+    speeds: Float[np.ndarray, " frames"]  # px/s, of the longest streaks
     misfits: Float[np.ndarray, "frames tried"]
 
     def between(self, shortest: float, longest: float) -> "_Tried":
@@ -110,12 +118,13 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     deviation = max(float(np.sqrt(shown @ (logarithms - mean) ** 2)), _disagreement(likely, logarithms))
     blur = _middle_length(run, path, tried.frames, value)
     surely = value * max(float(np.exp(2 * deviation)), PLAIN / max(blur, _LEAST_BLUR))
-    most = max(float(tried.exposures[np.searchsorted(np.cumsum(shown), SURE)]), surely)
+    most = min(max(float(tried.exposures[np.searchsorted(np.cumsum(shown), SURE)]), surely), period)
+    least = _least(tried)
     if deviation > VAGUE:
-        return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=min(most, period))
+        return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=most, least=least)
     if blur < PLAIN:
-        return Unclear(reason=f"its motion leaves too little blur, about {blur:.1f} px", most=min(most, period))
-    return Exposure(value=value, deviation=value * float(np.hypot(deviation, LEAST_DEVIATION)), blur=blur)
+        return Unclear(reason=f"its motion leaves too little blur, about {blur:.1f} px", most=most, least=least)
+    return Exposure(value=value, deviation=value * float(np.hypot(deviation, LEAST_DEVIATION)), blur=blur, least=least)
 
 
 def in_better_focus(run: Run, stated: float, shown: float) -> bool:
@@ -148,14 +157,17 @@ def followed(run: Run) -> Followed:
     shown = Followed.of(run.exposed(exposures))
     if deviations(shown.votes) <= deviations(found.votes) + BELIEVED:
         return found
-    return replace(found, sharper=shown) if _softened(run, found.path, exposures) else shown
+    return replace(found, sharper=shown) if _softened(run, exposures) else shown
 
 
-def _softened(run: Run, path: CameraPath, exposures: Float[np.ndarray, " frames"]) -> bool:
-    """Whether softness explains why the blur of the frames that move most shows longer exposures than are believed."""
+def _softened(run: Run, exposures: Float[np.ndarray, " frames"]) -> bool:
+    """Whether softness explains why blur shows longer exposures than are believed."""
     believed, shown = (float(np.median(each)) for each in (run.exposures, exposures))
-    blur = _middle_length(run, path, _most_moving(run, path)[:FRAMES], shown)
-    return timing.softened(believed, shown, max(blur, _LEAST_BLUR))
+    if believed >= shown:
+        return False
+    path = path_from_tracks(run)
+    tried = _tried(run, path, _most_moving(run, path), _period(run))
+    return not isinstance(tried, Unclear) and believed >= _least(tried)
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
@@ -169,8 +181,7 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
         return run.exposures
-    period = float(np.median(np.diff(run.begins)))
-    path = path_from_tracks(run)
+    period, path = _period(run), path_from_tracks(run)
     frames = _most_moving(run, path, -np.inf if assumed else SHOWS)
     tried = _tried(run, path, frames, period)
     if isinstance(tried, Unclear):
@@ -191,6 +202,11 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     return np.clip(np.exp(x + y * (run.begins - _middle(run))), period * SHORTEST, period)
 
 
+def _period(run: Run) -> float:
+    """From a frame to the next, s."""
+    return float(np.median(np.diff(run.begins)))
+
+
 def _middle(run: Run) -> float:
     return 0.5 * float(run.begins[0] + run.begins[-1])
 
@@ -209,19 +225,26 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
         return Unclear(reason="too few of its frames have texture to show blur")
     fine = np.geomspace(exposures[0], exposures[-1], 1 + FINER * (len(exposures) - 1))
     between = CubicSpline(np.log(exposures), np.array([run.misfits[k] for k in held]), axis=1)(np.log(fine))
-    return _Tried(exposures=fine, frames=held, times=run.begins[held] - _middle(run), misfits=between)
+    speeds = np.array([_length(run, path, k, period) for k in held]) / period
+    return _Tried(exposures=fine, frames=held, times=run.begins[held] - _middle(run), speeds=speeds, misfits=between)
 
 
-def _likelihoods(tried: _Tried) -> Float[np.ndarray, "frames tried changes"]:
-    """log p_k(exp(x + y t_k)) of each frame, for the exposures x that were tried and all changes y."""
+def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tried changes"]:
+    """log p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) of each frame, for the exposures x that were tried and all changes y."""
     each = np.exp(-INDEPENDENT * (tried.misfits - tried.misfits.min(axis=1, keepdims=True)))
     alone = np.log((1 - ASTRAY) * each / each.sum(axis=1, keepdims=True) + ASTRAY / each.shape[1])
     at = np.log(tried.exposures)
-    shifted = [[np.interp(at + y * t, at, frame) for y in CHANGES] for t, frame in zip(tried.times, alone, strict=True)]
-    return np.array(shifted).swapaxes(1, 2)
+    frames = zip(tried.times, z / np.maximum(tried.speeds, _LEAST_BLUR), alone, strict=True)
+    return np.array([np.interp(np.log(np.hypot(np.exp(at[:, None] + CHANGES * t), soft)), at, frame) for t, soft, frame in frames])
 
 
-def _shown(logarithm: Float[np.ndarray, "tried changes"]) -> Float[np.ndarray, "tried changes"]:
+def _least(tried: _Tried) -> float:
+    """The shortest exposure, s, that softness allows."""
+    shown = _shown(np.array([_likelihoods(tried, z).sum(axis=0) - 0.5 * (z / USUALLY_SOFT) ** 2 for z in SOFT])).sum(axis=(0, 2))
+    return float(tried.exposures[np.searchsorted(np.cumsum(shown), 1 - SURE)])
+
+
+def _shown(logarithm: Float[np.ndarray, "... tried changes"]) -> Float[np.ndarray, "... tried changes"]:
     """p(x, y), of sum 1, from the frames' own and p(x); that of a change is added."""
     changing = 1 / (1 + (CHANGES / STEADY) ** 2)
     together = logarithm + np.log((1 - STAYS) * changing / changing.sum() + STAYS * (CHANGES == 0))

@@ -23,7 +23,6 @@ _CONTRADICTED = 1.2  # ratio of a stated exposure and the measured one from whic
 _CERTAIN = 5.0  # deviations of the measured one, by which they must differ too: these do not hold what the path itself is off by
 UNCLEAR_EXPOSURE = "exposure: "  # before the reason why blur does not show it
 _BY_BLUR, _BY_MOTION = "measured from the clip's blur", "measured from the clip's motion"
-_SOFT = 3.0  # px, of a lens, a codec or an exposure before: clips of 0.8, 1.8 and 2.4 px showed 3.1 and 2.9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,9 +132,7 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
         return stated, ()
     if measured.exposure is None:
         if measured.most is None or stated.value < _CONTRADICTED * measured.most:
-            reasons = (each.removeprefix(UNCLEAR_EXPOSURE) for each in measured.unclear if each.startswith(UNCLEAR_EXPOSURE))
-            words = f"the exposure of {_fraction(stated.value)} is taken as given, since the clip does not show its own"
-            return stated, tuple(f"{words}: {reason}" for reason in reasons)
+            return stated, _unchecked(stated, measured)
         taken = _from_blur(measured, sources.fps)
         return taken, (
             f"the clip's blur is at least {stated.value / measured.most:.2g} times shorter than an exposure of"
@@ -146,16 +143,22 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
         return stated, ()
     times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
     words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"
-    if measured.blur and softened(stated.value, measured.exposure, measured.blur):
-        return stated, (f"{words}, which softness of up to {_SOFT:g} px explains as well; {ms(stated.value)} is taken",)
+    if measured.least <= stated.value < measured.exposure:
+        return stated, (f"{words}, which softness of lens or codec explains as well; {ms(stated.value)} is taken",)
     return _from_blur(measured, sources.fps), (
         f"{words}; is it {_fraction(measured.exposure)}? {ms(measured.exposure)} is taken, --force takes what is given",
     )
 
 
-def softened(stated: float, shown: float, blur: float) -> bool:
-    """Whether softness explains why `blur` px show a longer exposure than is stated."""
-    return math.hypot(stated, shown * _SOFT / blur) * _CONTRADICTED > shown > stated
+def _unchecked(stated: Fact[float], measured: Measured) -> tuple[str, ...]:
+    """What to know of an exposure that is typed in, of a clip that does not show its own."""
+    words = _fraction(stated.value)
+    if stated.value * _CONTRADICTED < measured.least:
+        times = f"{measured.least / stated.value:.2g}"
+        longer = f"is it {_fraction(measured.least)} or longer?"
+        return (f"the clip's blur is at least {times} times longer than softness and an exposure of {words} leave; {longer}",)
+    reasons = (each.removeprefix(UNCLEAR_EXPOSURE) for each in measured.unclear if each.startswith(UNCLEAR_EXPOSURE))
+    return tuple(f"the exposure of {words} is taken as given, since the clip does not show its own: {reason}" for reason in reasons)
 
 
 def apart(one: float, other: float) -> bool:

@@ -98,7 +98,7 @@ def test_no_method_looks_for_tones_with_a_readout_that_is_a_guess(method: Method
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("times", "doubtful", "taken"), [(0.5, True, 1.0), (0.7, True, 0.7), (0.7, False, 0.7), (1.0, True, 1.0), (2.0, True, 1.0)]
+    ("times", "doubtful", "taken"), [(0.5, True, 1.0), (0.7, True, 1.0), (0.7, False, 0.7), (1.0, True, 1.0), (2.0, True, 1.0)]
 )
 def test_an_exposure_gives_way_to_the_one_that_blur_shows_and_frames_are_in_better_focus_with(
     times: float, doubtful: bool, taken: float

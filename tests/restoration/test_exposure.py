@@ -69,6 +69,24 @@ def test_frames_that_are_sure_and_disagree_leave_the_answer_open(dips: list[int]
     assert (exposure._disagreement(exposure._likelihoods(tried), np.log(tried.exposures)) < exposure.VAGUE) == agreed
 
 
+@pytest.mark.parametrize("soft", [0.0, 2.0])
+def test_softness_makes_frames_seem_exposed_the_longer_the_slower_they_move(soft: float) -> None:
+    """Frames of 1 to 8 px of blur, exposed for 10 steps; if all seem to be exposed alike, softness has not lengthened that."""
+    true, speeds = exposure.RATIO**10, np.geomspace(1, 8, 8) / exposure.RATIO**10
+    seen = np.hypot(true, soft / speeds)
+    tried = blurred(np.log(seen) / np.log(exposure.RATIO), speeds=speeds)
+    assert 0.5 * true < exposure._least(tried) <= true
+    alike = blurred(np.full(8, np.log(seen.mean()) / np.log(exposure.RATIO)), speeds=speeds)
+    assert exposure._least(alike) > 0.8 * seen.mean()
+
+
+def test_frames_that_move_alike_do_not_tell_softness_from_a_longer_exposure() -> None:
+    seen = exposure.RATIO**10
+    for blur, told in ((1.5, False), (8.0, True)):
+        tried = blurred([10.0] * 8, speeds=np.full(8, blur / seen))
+        assert (exposure._least(tried) > 0.7 * seen) == told
+
+
 @pytest.mark.parametrize("growth", [-1.0, 0.0, 0.8])
 def test_automatic_exposure_shows_as_an_even_change_from_frame_to_frame(growth: float) -> None:
     steps = np.log(exposure.RATIO)
@@ -141,9 +159,10 @@ def test_an_exposure_far_below_those_that_are_tried_may_be_stated(monkeypatch: p
     assert exposure.of_each(run, np.inf) == pytest.approx(np.full(8, 2e-5))  # which leaves too little blur to tell
 
 
-@pytest.mark.parametrize(("shown", "kept"), [(0.03, 0.03), (0.014, 0.01)])  # 1.4 times as long is what softness makes of short blur
-def test_softness_lengthens_no_exposure_but_bears_the_path_out(shown: float, kept: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = taken(MOVING.recorded, 0.01)
+@pytest.mark.parametrize(("least", "kept"), [(0.012, 0.02), (0.009, 0.01)])
+def test_softness_lengthens_no_exposure_but_bears_the_path_out(least: float, kept: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    run, shown = taken(MOVING.recorded, 0.01), 0.02
+    monkeypatch.setattr(exposure, "_least", lambda _: least)
     monkeypatch.setattr(exposure, "of_each", lambda run, _: np.full(len(run.begins), shown))
     monkeypatch.setattr(clip_motion, "votes", lambda run, _path: [1e-3 if run.exposures[0] == shown else -1e-3] * len(run.begins))
     found = exposure.followed(run)
@@ -197,12 +216,15 @@ def test_a_long_blur_is_measured_over_the_whole_width_of_a_frame() -> None:
     assert (long.scale, long.camera.intrinsics.cols) == (0.5, 300)
 
 
-def blurred(dips: Sequence[float], depth: float = 1.0, times: np.ndarray | None = None) -> exposure._Tried:
+def blurred(
+    dips: Sequence[float], depth: float = 1.0, times: np.ndarray | None = None, speeds: np.ndarray | None = None
+) -> exposure._Tried:
     """Frames whose misfits are least at the exposures of these numbers."""
     numbers = np.arange(20.0)
     misfits = depth * np.array([1 - np.exp(-((numbers - dip) ** 2) / 4) for dip in dips])
     times = np.zeros(len(misfits)) if times is None else times
-    return exposure._Tried(exposures=exposure.RATIO**numbers, frames=[*range(len(misfits))], times=times, misfits=misfits)
+    speeds = np.full(len(misfits), np.inf) if speeds is None else speeds
+    return exposure._Tried(exposures=exposure.RATIO**numbers, frames=[*range(len(misfits))], times=times, speeds=speeds, misfits=misfits)
 
 
 def grain(rows: int, cols: int) -> list[Frame]:

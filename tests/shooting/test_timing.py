@@ -177,7 +177,7 @@ def test_nothing_is_asked_of_a_photograph_that_says_nothing() -> None:
     assert readout_of(Camera(), Sources(rows=4, cols=4)) == (None, ())
 
 
-MEASURED = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, readout=0.016))
+MEASURED = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, least=0.003, readout=0.016))
 
 
 def test_what_nobody_states_is_measured() -> None:
@@ -237,8 +237,8 @@ def test_motion_tells_the_direction_where_nobody_states_it_and_contradicts_one_t
 
 
 def test_softness_explains_a_shorter_exposure_and_the_user_is_told() -> None:
-    for blur, taken, words in ((4.2, 0.0025, "softness of up to 3 px explains"), (8.0, 0.004, "is it 1/250 s?")):
-        soft = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, blur=blur))
+    for least, taken, words in ((0.002, 0.0025, "softness of lens or codec explains"), (0.003, 0.004, "is it 1/250 s?")):
+        soft = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, least=least))
         found, (note,) = exposure_of(Camera(exposure=0.0025), soft)
         assert found is not None
         assert found.value == taken
@@ -252,6 +252,17 @@ def test_an_exposure_that_nothing_checks_is_taken_as_given_and_the_user_is_told(
     assert found is not None
     assert found.value == 0.002
     assert note.endswith("1/500 s is taken as given, since the clip does not show its own: its motion leaves too little blur")
+
+
+@pytest.mark.parametrize(("least", "told"), [(0.004, True), (0.0022, False)])
+def test_an_exposure_that_even_softness_does_not_lengthen_to_the_clips_blur_is_told_though_blur_does_not_show_it(
+    least: float, told: bool
+) -> None:
+    shown = Measured(most=0.02, least=least, unclear=("exposure: its motion leaves too little blur",))
+    found, (note,) = exposure_of(Camera(exposure=0.002), replace(NOTHING, measured=shown))
+    assert found is not None
+    assert found.value == 0.002
+    assert ("at least 2 times longer than softness and an exposure of 1/500 s leave; is it 1/250 s or longer?" in note) == told
 
 
 @pytest.mark.parametrize("stated", [0.0034, 0.0045])
