@@ -254,6 +254,17 @@ def test_an_exposure_that_nothing_checks_is_taken_as_given_and_the_user_is_told(
     assert note.endswith("1/500 s is taken as given, since the clip does not show its own: its motion leaves too little blur")
 
 
+def test_an_exposure_that_an_uncertain_one_contradicts_is_taken_as_given_and_the_user_is_told() -> None:
+    vague = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0005, least=0.003))
+    found, (note,) = exposure_of(Camera(exposure=0.002), vague)
+    assert found is not None
+    assert found.value == 0.002
+    assert note.endswith(
+        "1/500 s is taken as given, though the clip may contradict it: its blur, softness included, shows 4 ms, give or take 0.5 ms"
+    )
+    assert exposure_of(Camera(exposure=0.0035), vague)[1] == ()
+
+
 @pytest.mark.parametrize(("least", "told"), [(0.004, True), (0.0022, False)])
 def test_an_exposure_that_even_softness_does_not_lengthen_to_the_clips_blur_is_told_though_blur_does_not_show_it(
     least: float, told: bool
