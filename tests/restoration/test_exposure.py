@@ -76,7 +76,7 @@ def test_softness_makes_frames_seem_exposed_the_longer_the_slower_they_move(soft
     seen = np.hypot(true, soft / speeds)
     tried = blurred(np.log(seen) / np.log(exposure.RATIO), speeds=speeds)
     assert 0.5 * true < exposure._least(tried) <= true
-    alike = blurred(np.full(8, np.log(seen.mean()) / np.log(exposure.RATIO)), speeds=speeds)
+    alike = blurred([np.log(seen.mean()) / np.log(exposure.RATIO)] * 8, speeds=speeds)
     assert exposure._least(alike) > 0.8 * seen.mean()
 
 
