@@ -164,6 +164,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         contrary=None if unknown else _contrary(shown, readout, period),
         focal=None if focal else round(lens.pixels, 1),
         focal_deviation=round(lens.deviation, 4),
+        least=round(found.least, DECIMALS),
         unclear=tuple(unclear),
     )
     if isinstance(found, exposure.Unclear):
@@ -172,7 +173,6 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     else:
         of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
         shown = shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
-    shown = shown.model_copy(update={"least": round(found.least, DECIMALS)})
     return _unless_in_focus(shown, exposed, given, sources)
 
 

@@ -118,7 +118,7 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     deviation = max(float(np.sqrt(shown @ (logarithms - mean) ** 2)), _disagreement(likely, logarithms))
     blur = _middle_length(run, path, tried.frames, value)
     surely = value * max(float(np.exp(2 * deviation)), PLAIN / max(blur, _LEAST_BLUR))
-    most = min(max(float(tried.exposures[np.searchsorted(np.cumsum(shown), SURE)]), surely), period)
+    most = min(max(_quantile(tried, shown, SURE), surely), period)
     least = _least(tried)
     if deviation > VAGUE:
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=most, least=least)
@@ -225,7 +225,7 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
         return Unclear(reason="too few of its frames have texture to show blur")
     fine = np.geomspace(exposures[0], exposures[-1], 1 + FINER * (len(exposures) - 1))
     between = CubicSpline(np.log(exposures), np.array([run.misfits[k] for k in held]), axis=1)(np.log(fine))
-    speeds = np.array([_length(run, path, k, period) for k in held]) / period
+    speeds = np.maximum([_length(run, path, k, period) for k in held], _LEAST_BLUR) / period
     return _Tried(exposures=fine, frames=held, times=run.begins[held] - _middle(run), speeds=speeds, misfits=between)
 
 
@@ -234,14 +234,19 @@ def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tri
     each = np.exp(-INDEPENDENT * (tried.misfits - tried.misfits.min(axis=1, keepdims=True)))
     alone = np.log((1 - ASTRAY) * each / each.sum(axis=1, keepdims=True) + ASTRAY / each.shape[1])
     at = np.log(tried.exposures)
-    frames = zip(tried.times, z / np.maximum(tried.speeds, _LEAST_BLUR), alone, strict=True)
+    frames = zip(tried.times, z / tried.speeds, alone, strict=True)
     return np.array([np.interp(np.log(np.hypot(np.exp(at[:, None] + CHANGES * t), soft)), at, frame) for t, soft, frame in frames])
 
 
 def _least(tried: _Tried) -> float:
     """The shortest exposure, s, that softness allows."""
     shown = _shown(np.array([_likelihoods(tried, z).sum(axis=0) - 0.5 * (z / USUALLY_SOFT) ** 2 for z in SOFT])).sum(axis=(0, 2))
-    return float(tried.exposures[np.searchsorted(np.cumsum(shown), 1 - SURE)])
+    return _quantile(tried, shown, 1 - SURE)
+
+
+def _quantile(tried: _Tried, shown: Float[np.ndarray, " tried"], share: float) -> float:
+    """The exposure, s, below which a share of what is shown lies."""
+    return float(tried.exposures[np.searchsorted(np.cumsum(shown), share)])
 
 
 def _shown(logarithm: Float[np.ndarray, "... tried changes"]) -> Float[np.ndarray, "... tried changes"]:

@@ -155,13 +155,12 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
 
 def _unchecked(stated: Fact[float], measured: Measured) -> tuple[str, ...]:
     """What to know of an exposure that is typed in, of a clip that does not show its own."""
-    words = _fraction(stated.value)
     if stated.value * _CONTRADICTED < measured.least:
-        times = f"{measured.least / stated.value:.2g}"
-        longer = f"is it {_fraction(measured.least)} or longer?"
-        return (f"the clip's blur is at least {times} times longer than softness and an exposure of {words} leave; {longer}",)
+        words = f"the clip's blur is at least {measured.least / stated.value:.2g} times longer than softness and an exposure of"
+        return (f"{words} {_fraction(stated.value)} leave; is it {_fraction(measured.least)} or longer?",)
     reasons = (each.removeprefix(UNCLEAR_EXPOSURE) for each in measured.unclear if each.startswith(UNCLEAR_EXPOSURE))
-    return tuple(f"the exposure of {words} is taken as given, since the clip does not show its own: {reason}" for reason in reasons)
+    words = f"the exposure of {_fraction(stated.value)} is taken as given, since the clip does not show its own"
+    return tuple(f"{words}: {reason}" for reason in reasons)
 
 
 def apart(one: float, other: float) -> bool:
