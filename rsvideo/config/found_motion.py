@@ -4,6 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from rsvideo.physics.shutter import LONGEST_MODELLED
+
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e12, le=1e12)]
 Middle = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]  # px
 
@@ -43,6 +45,8 @@ class Found(Record):
     certainty: Annotated[float, Field(ge=0, le=1)]  # of the scanlines' displacements: how far the frame is straightened
     blur_certainty: Annotated[float, Field(ge=0, le=1)] = 1.0  # of the blur: the less of it, the more of the blur the frame has to show
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
+    seeming_s: Annotated[float | None, Field(gt=0, lt=LONGEST_MODELLED, allow_inf_nan=False)] = None
+    """The exposure that the frame's blur shows, softness included, whose interval `focused` is over; None: the frame's own."""
     focused: Terms | None = None  # of the path, along the scanlines, that the frame's focus led to; None: it is `path`
     doubts: Annotated[list[Terms], Field(max_length=64, exclude=True)] = []  # of files by earlier versions; not needed any more
 
@@ -52,6 +56,8 @@ class Found(Record):
             raise ValueError("path must have equally many axes in all terms")
         if self.path and self.focused and {len(term) for term in self.focused} != {len(self.path[0])}:
             raise ValueError("focused must have as many axes as path")
+        if self.seeming_s and not self.focused:
+            raise ValueError("focused must be given beside seeming_s")
         if self.path and any([*map(len, move)] != [*map(len, self.path)] for move in self.doubts):
             raise ValueError("doubts must have as many terms and axes as path")
         return self

@@ -267,8 +267,9 @@ class Measured(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    exposure: float | None = None  # s; None where blur does not show it
+    exposure: float | None = None  # s, as blur shows it, softness included; None where it does not
     deviation: float = 0.0  # s
+    sharp: float | None = None  # s, of this exposure, without softness; None: all of it
     most: float | None = None  # s, of an exposure that blur does not show; None where it does not even show that
     blur: float | None = None  # px, that this exposure leaves in the middle one of the frames it was measured from
     least: float = 0.0  # s, of an exposure, whatever of the blur may be softness

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from rsvideo.config.files import UnreadableError
-from rsvideo.config.found_motion import Drift, Found
+from rsvideo.config.found_motion import Drift, Found, Terms
 from rsvideo.config.sidecar import FrameRecord
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Polynomial, Trajectory
@@ -50,6 +50,7 @@ def record(trajectory: Trajectory | None, evidence: Evidence | None) -> Found:
         certainty=evidence.certainty if evidence else 0.0,
         blur_certainty=evidence.blur_certainty if evidence else 1.0,
         exposure_shown=bool(evidence and evidence.exposure_shown),
+        seeming_s=evidence.seeming if evidence else None,
         focused=evidence.focused.coefficients.tolist() if evidence and evidence.focused else None,
     )
 
@@ -67,9 +68,10 @@ def _found(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> M
         taken = camera.exposed(frame.timing.exposure_s)
         curve, beside = _of_frame(frame, taken)
         if curve is not None:
-            for each in (curve, beside.focused and path_in_image(beside.focused, taken.timing.direction)):
-                if each is not None:
-                    given_blur.check(path, each, taken, beside.flow)
+            given_blur.check(path, curve, taken, beside.flow)
+        if curve is not None and beside.focused is not None:
+            led = path_in_image(beside.focused, taken.timing.direction)
+            given_blur.check(path, led, taken.exposed(beside.seeming or frame.timing.exposure_s), beside.flow)
         exposures.append(frame.timing.exposure_s)
         within.append(curve)
         evidence.append(beside)
@@ -87,18 +89,22 @@ def _found(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> M
 def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Evidence]:
     found = frame.found
     assert found is not None
-    t0, t1 = camera.timing.interval
-    curve, focused = (
-        None if terms is None else Polynomial(t0=t0, t1=t1, coefficients=np.array(terms)) for terms in (found.path, found.focused)
-    )
+    judged = camera if found.seeming_s is None else camera.exposed(found.seeming_s)
     drift = found.drift
     flow = drift and Flow(points=np.array(drift.points_px), weights=np.array(drift.weights_px_s), length=drift.length_px)
-    return curve, Evidence(
+    return _over(camera, found.path), Evidence(
         flow=flow,
         error=found.error_px,
         share=found.share,
         certainty=found.certainty,
         blur_certainty=found.blur_certainty,
         exposure_shown=found.exposure_shown,
-        focused=focused,
+        seeming=found.seeming_s,
+        focused=_over(judged, found.focused),
     )
+
+
+def _over(camera: Camera, terms: Terms | None) -> Polynomial | None:
+    """A path over the interval of a frame."""
+    t0, t1 = camera.timing.interval
+    return None if terms is None else Polynomial(t0=t0, t1=t1, coefficients=np.array(terms))

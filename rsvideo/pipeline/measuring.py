@@ -171,7 +171,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         most = found.most and round(found.most, DECIMALS)
         shown = shown.model_copy(update={"most": most, "unclear": (*unclear, timing.UNCLEAR_EXPOSURE + found.reason)})
     else:
-        of_blur = {"exposure": found.value, "deviation": found.deviation, "blur": found.blur}
+        of_blur = {"exposure": found.value, "deviation": found.deviation, "sharp": found.sharp, "blur": found.blur}
         shown = shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
     return _unless_in_focus(shown, exposed, given, sources)
 
@@ -179,10 +179,12 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
 def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources) -> Measured:
     """The same without an exposure, or a bound of it, that contradicts what is typed in, if the clip's focus bears that out."""
     typed, checked = (timing.exposure_of(given, replace(sources, measured=each))[0] for each in (None, shown))
-    if typed is None or checked is None or typed.value == checked.value or not exposure.in_better_focus(run, typed.value, checked.value):
+    if typed is None or checked is None or typed.value == checked.value:
+        return shown
+    if not exposure.in_better_focus(run, typed.value, shown.exposure or checked.value):
         return shown
     reason = f"{timing.UNCLEAR_EXPOSURE}its blur shows another one than {1e3 * typed.value:.4g} ms, but its frames are in focus with that"
-    nothing = {"exposure": None, "deviation": 0.0, "blur": None, "most": None, "least": 0.0}
+    nothing = {"exposure": None, "deviation": 0.0, "sharp": None, "blur": None, "most": None, "least": 0.0}
     return shown.model_copy(update={**nothing, "unclear": (*shown.unclear, reason)})
 
 

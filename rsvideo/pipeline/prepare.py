@@ -289,7 +289,7 @@ def treatment(request: Request, settings: Settings, shutter: timing.Resolved, ca
         gyro=None,
         camera=physics.Camera(timing=shutter.timing, intrinsics=camera.intrinsics, noise=camera.sensor_noise),
         timing_source=shutter.source,
-        exposure_shown=bool(found and found.exposure and not timing.apart(shutter.exposure.value, found.exposure)),
+        exposure_shown=bool(found and found.exposure and (shutter.by_blur or not timing.apart(shutter.exposure.value, found.exposure))),
         readout_guessed=guessed,
         exposure_doubtful=not (request.camera.force or guessed),
         exposure_spread=_exposure_spread(shutter, readout_guessed=guessed),

@@ -147,7 +147,7 @@ class Followed:
 
     run: Run
     path: CameraPath
-    sharper: "Followed | None" = None  # with exposures that are not believed, but whose focus bears the path out
+    seeming: Float[np.ndarray, " frames"] | None = None  # s, exposures with softness, with which frames come into focus; None: their own
 
     @classmethod
     def of(cls, run: Run) -> "Followed":
@@ -158,7 +158,7 @@ class Followed:
     @cached_property
     def votes(self) -> list[float]:
         """The focus of each frame that is blurred enough, along the path."""
-        return self.sharper.votes if self.sharper else votes(self.run, self.path)
+        return votes(self.run if self.seeming is None else self.run.exposed(self.seeming), self.path)
 
 
 def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Movement:
@@ -179,7 +179,8 @@ def movement_along(found: Followed, frames: Bool[np.ndarray, " frames"] | None =
     if frames is not None or share == 0:
         return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share))
     better = refined_by_neighbours(run, path)
-    return replace(movement_of(run, better.spline, run.followed), evidence=evidence(run, better, share=share, focused=path.spline))
+    beside_it = evidence(run, better, share=share, focused=path.spline, seeming=found.seeming)
+    return replace(movement_of(run, better.spline, run.followed), evidence=beside_it)
 
 
 def in_matched_blur(run: Run) -> Run:
@@ -321,11 +322,14 @@ def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> li
     return threads.each(lambda each: focus_value(*each), wanted)
 
 
-def evidence(run: Run, path: CameraPath, *, share: float, focused: Spline | None = None) -> list[Evidence]:
+def evidence(
+    run: Run, path: CameraPath, *, share: float, focused: Spline | None = None, seeming: Float[np.ndarray, " frames"] | None = None
+) -> list[Evidence]:
     """What the points of each frame do beyond a path, how sure that is, and how far the blur may depart from it.
 
-    Focus has `focused` another path, if one is given.
+    Focus has `focused` another path, if one is given, and frames come into it with the exposures that are `seeming`.
     """
+    judged = run if seeming is None else run.exposed(seeming)
     beyond = unexplained(path.spline, run.links, run.begins, run.camera)
     speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
@@ -341,7 +345,8 @@ def evidence(run: Run, path: CameraPath, *, share: float, focused: Spline | None
             certainty=float(certainty),
             blur_certainty=float(blurred),
             exposure_shown=run.exposure_shown,
-            focused=focused and within(focused, run.opens(k), run.timing(k)),
+            focused=focused and within(focused, judged.opens(k), judged.timing(k)),
+            seeming=None if seeming is None else float(seeming[k]),
         )
         for k, (flow, departure, granted, certainty, blurred) in enumerate(
             zip(_flows(run, beyond), coherent, shares, certain, of_blur, strict=True)

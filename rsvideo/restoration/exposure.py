@@ -16,8 +16,8 @@ is what frame k shows of the n exposures that are tried. Automatic exposure foll
 with p(y) half at 0 and half in Cauchy's distribution about it: mostly the exposure stays, and where it does not, it may change much.
 
 Lens and codec leave z px of softness in all frames alike. Variances of blurs add, so that the slower a frame moves, by u_k px/s, the
-longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells which exposures softness
-allows.
+longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells the exposures without
+softness, and which ones it allows.
 """
 
 from collections.abc import Sequence
@@ -73,9 +73,10 @@ _LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 class Exposure:
     """A measured exposure."""
 
-    value: float  # s, in the middle of the frames
+    value: float  # s, in the middle of the frames, as their blur shows it, softness included
     deviation: float  # s
     blur: float  # px, of the middle one of the frames
+    sharp: float  # s, without softness
     least: float  # s, that softness allows
 
 
@@ -119,12 +120,14 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     blur = _middle_length(run, path, tried.frames, value)
     surely = value * max(float(np.exp(2 * deviation)), PLAIN / max(blur, _LEAST_BLUR))
     most = min(max(_quantile(tried, shown, SURE), surely), period)
-    least = _least(tried)
+    sharp = _without_softness(tried).sum(axis=1)
+    least = _least(tried, sharp)
     if deviation > VAGUE:
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=most, least=least)
     if blur < PLAIN:
         return Unclear(reason=f"its motion leaves too little blur, about {blur:.1f} px", most=most, least=least)
-    return Exposure(value=value, deviation=value * float(np.hypot(deviation, LEAST_DEVIATION)), blur=blur, least=least)
+    spread = value * float(np.hypot(deviation, LEAST_DEVIATION))
+    return Exposure(value=value, deviation=spread, blur=blur, sharp=float(sharp @ tried.exposures), least=least)
 
 
 def in_better_focus(run: Run, stated: float, shown: float) -> bool:
@@ -148,16 +151,15 @@ def in_better_focus(run: Run, stated: float, shown: float) -> bool:
 def followed(run: Run) -> Followed:
     """A run some of whose points were followed, in matched blur; with the exposures that its blur shows, where its frames are in better
     focus with these than with what is believed."""
-    found = Followed.of(run)
+    found, seeming = Followed.of(run), of_each(run, np.inf)
+    if np.allclose(seeming, run.exposures, rtol=SAME, atol=0):
+        return found
+    if _softened(run, seeming):
+        return replace(found, seeming=seeming)
     if run.exposure_shown and run_share(found.votes) == 1:
         return found
-    exposures = of_each(run, np.inf)
-    if np.allclose(exposures, run.exposures, rtol=SAME, atol=0):
-        return found
-    shown = Followed.of(run.exposed(exposures))
-    if deviations(shown.votes) <= deviations(found.votes) + BELIEVED:
-        return found
-    return replace(found, sharper=shown) if _softened(run, exposures) else shown
+    shown = Followed.of(run.exposed(seeming))
+    return shown if deviations(shown.votes) > deviations(found.votes) + BELIEVED else found
 
 
 def _softened(run: Run, exposures: Float[np.ndarray, " frames"]) -> bool:
@@ -167,7 +169,7 @@ def _softened(run: Run, exposures: Float[np.ndarray, " frames"]) -> bool:
         return False
     path = path_from_tracks(run)
     tried = _tried(run, path, _most_moving(run, path), _period(run))
-    return not isinstance(tried, Unclear) and believed >= _least(tried)
+    return not isinstance(tried, Unclear) and believed >= _least(tried, _without_softness(tried).sum(axis=1))
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
@@ -175,8 +177,9 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
 
     `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
     few frames are blurred, or where they do not agree, each has the camera's. A clip that does not show its exposure, because its path is
-    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same. What is shown of an exposure that was
-    measured before, or is shown vaguely, is taken one deviation shorter: too long an exposure costs more than one as much too short.
+    wrong or its readout is, pretends a change of it, too: then all frames of a run have the same, softness included, since they have to
+    come into focus first, and one that is shown vaguely is taken one deviation shorter. Others are without softness: too long an exposure
+    costs more than one as much too short.
     """
     about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
@@ -189,17 +192,20 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     tried = tried.between(about / FARTHEST, max(about, period * SHORTEST) * FARTHEST)
     logarithms = np.log(tried.exposures)
     prior = -np.log1p(((logarithms - np.log(about)) / spread) ** 2)
-    shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
-    x, y = float(shown.sum(axis=1) @ logarithms), 0.0 if assumed else float(shown.sum(axis=0) @ CHANGES)
-    deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
+    shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None]).sum(axis=1)
+    x = float(shown @ logarithms)
+    deviation = float(np.sqrt(shown @ (logarithms - x) ** 2))
     if deviation > (ROUGHLY if assumed else VAGUE):
         return run.exposures
-    if not assumed or deviation > VAGUE:  # else it has to come into focus first, and one deviation may cost that
-        x -= max(deviation, LEAST_DEVIATION)  # a shorter exposure is the milder error
+    if not assumed:
+        sharp = _without_softness(tried, prior)
+        each = float(sharp.sum(axis=1) @ tried.exposures) * np.exp(sharp.sum(axis=0) @ CHANGES * (run.begins - _middle(run)))
+        return np.clip(each, period * SHORTEST, period)
+    seconds = float(np.exp(x - (deviation if deviation > VAGUE else 0.0)))
     better = tried.frames[: max(FEWEST, len(tried.frames) // 2)]
-    if assumed and _middle_length(run, path, better, float(np.exp(x))) < SHOWS:
+    if _middle_length(run, path, better, seconds) < SHOWS:
         return run.exposures
-    return np.clip(np.exp(x + y * (run.begins - _middle(run))), period * SHORTEST, period)
+    return np.full(len(run.begins), np.clip(seconds, period * SHORTEST, period))
 
 
 def _period(run: Run) -> float:
@@ -238,10 +244,16 @@ def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tri
     return np.array([np.interp(np.log(np.hypot(np.exp(at[:, None] + CHANGES * t), soft)), at, frame) for t, soft, frame in frames])
 
 
-def _least(tried: _Tried) -> float:
+def _without_softness(tried: _Tried, prior: Float[np.ndarray, " tried"] | float = 0.0) -> Float[np.ndarray, "tried changes"]:
+    """p(x, y) where frames are softened by z, whatever it is; `prior` is log p(x)."""
+    usual = -0.5 * (SOFT / USUALLY_SOFT) ** 2
+    softened = np.array([_likelihoods(tried, z).sum(axis=0) for z in SOFT])
+    return _shown(softened + usual[:, None, None] + np.reshape(prior, (-1, 1))).sum(axis=0)
+
+
+def _least(tried: _Tried, sharp: Float[np.ndarray, " tried"]) -> float:
     """The shortest exposure, s, that softness allows."""
-    shown = _shown(np.array([_likelihoods(tried, z).sum(axis=0) - 0.5 * (z / USUALLY_SOFT) ** 2 for z in SOFT])).sum(axis=(0, 2))
-    return _quantile(tried, shown, 1 - SURE)
+    return _quantile(tried, sharp, 1 - SURE)
 
 
 def _quantile(tried: _Tried, shown: Float[np.ndarray, " tried"], share: float) -> float:

@@ -27,6 +27,7 @@ class Evidence:
     certainty: float  # 0 to 1: how surely its scanlines are displaced as the path says, and so how far it is straightened
     blur_certainty: float = 1.0  # 0 to 1: how surely its blur is as the path says
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
+    seeming: float | None = None  # s, the exposure that its blur shows, softness included, which `focused` covers; None: its own
     focused: Trajectory | None = None  # along the scanlines always: the path that its focus led to, and is judged along; None: its own
 
 

@@ -143,6 +143,8 @@ def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: S
     share = 1.0
     if evidence:
         scene = scene_of(view, settings, evidence.flow)
+        if evidence.seeming is not None:
+            scene = replace(scene, camera=scene.camera.exposed(evidence.seeming))
         led = evidence.focused or path
         followed = trust(scene, led, length, evidence.certainty, evidence.exposure_shown)[..., None] if evidence.share else 0.0
         share = evidence.share * followed

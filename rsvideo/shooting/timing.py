@@ -52,9 +52,14 @@ class Resolved:
     notes: tuple[str, ...]  # what the user should know before the work
 
     @property
+    def by_blur(self) -> bool:
+        """Whether the clip's blur states the exposure."""
+        return self.exposure.source == _BY_BLUR
+
+    @property
     def exposure_open(self) -> bool:
         """Whether nobody states the exposure, so that automatic exposure may change it from frame to frame."""
-        return self.exposure.assumed or self.exposure.source == _BY_BLUR
+        return self.exposure.assumed or self.by_blur
 
     @property
     def source(self) -> str:
@@ -116,8 +121,8 @@ def _from_blur(measured: Measured, fps: float) -> Fact[float]:
                 value=measured.most, source="assumed, the longest that the clip's blur allows", within=(0.0, measured.most), assumed=True
             )
         return _mild(fps)
-    spread = 2 * measured.deviation
-    return Fact(value=measured.exposure, source=_BY_BLUR, within=(measured.exposure - spread, measured.exposure + spread))
+    sharp, spread = measured.sharp or measured.exposure, 2 * measured.deviation
+    return Fact(value=sharp, source=_BY_BLUR, within=(min(measured.least or sharp, sharp - spread), measured.exposure + spread))
 
 
 def _mild(fps: float) -> Fact[float]:
@@ -148,9 +153,8 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
     words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"
     if measured.least <= stated.value < measured.exposure:
         return stated, (f"{words}, which softness of lens or codec explains as well; {ms(stated.value)} is taken",)
-    return _from_blur(measured, sources.fps), (
-        f"{words}; is it {_fraction(measured.exposure)}? {ms(measured.exposure)} is taken, --force takes what is given",
-    )
+    taken = _from_blur(measured, sources.fps)
+    return taken, (f"{words}; is it {_fraction(taken.value)}? {ms(taken.value)} is taken, --force takes what is given",)
 
 
 def _unchecked(stated: Fact[float], measured: Measured) -> tuple[str, ...]:

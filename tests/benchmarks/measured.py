@@ -109,7 +109,7 @@ def measured(case: Path) -> dict:
         "blur_extent_px": facts["blur_extent_px"],
         "speed": facts["speed"],
         "exposure_s": float(np.median(facts.get("exposures_s", facts["exposure_s"]))),
-        "exposure_measured_s": found.exposure,
+        "exposure_measured_s": found.exposure and found.sharp,
         "readout_s": facts["readout_s"],
         "readout_measured_s": found.readout,
         "blur_px": float(np.median(most)),

@@ -120,6 +120,7 @@ def test_a_track_is_of_one_clip_with_one_shutter(rsvideo: Run, source: Path, mot
         ("doubts", [[[0.0, 0.0, 0.0]]] * 100, "at most 64"),
         ("focused", [[0.0, 0.0, 0.0], [1e9, 0.0, 0.0]], "must keep in view"),
         ("focused", [[0.0, 0.0], [1.0, 0.0]], "as many axes as path"),
+        ("seeming_s", 20.0, "less than 10"),
         ("share", 2.0, "less than or equal to 1"),
         ("certainty", -1.0, "greater than or equal to 0"),
         ("blur_certainty", 1.5, "less than or equal to 1"),

@@ -85,7 +85,7 @@ FILMED = Moving(frames=12, rows=180, cols=240, exposure=0.025, readout=0.015, sc
 def test_points_in_windows_that_are_displaced_and_blurred_alike_show_a_readout_better() -> None:
     run, direction = gather(FILMED.recorded, FILMED.camera, Settings()), Direction.TOP_TO_BOTTOM
     rough = measuring._readout(run, 1 / RATE, direction)
-    shown = exposure.Exposure(value=FILMED.exposure, deviation=0.0, blur=5.0, least=FILMED.exposure)
+    shown = exposure.Exposure(value=FILMED.exposure, deviation=0.0, blur=5.0, sharp=FILMED.exposure, least=FILMED.exposure)
     better = measuring._in_matched_blur(run, rough, shown, 1 / RATE, direction)
     assert rough.seconds
     assert better.seconds
@@ -144,7 +144,7 @@ def test_a_readout_that_is_near_or_vague_contradicts_none(seconds: float | None,
 @pytest.mark.parametrize(
     ("found", "taken"),
     [
-        (exposure.Exposure(value=0.02, deviation=0.001, blur=4.0, least=0.018), 0.02),
+        (exposure.Exposure(value=0.02, deviation=0.001, blur=4.0, sharp=0.02, least=0.018), 0.02),
         (exposure.Unclear(reason="", most=0.03), MILD * PERIOD),
         (exposure.Unclear(reason="", most=0.002), 0.002),
         (exposure.Unclear(reason=""), MILD * PERIOD),

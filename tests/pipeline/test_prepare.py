@@ -96,9 +96,18 @@ def test_a_profiles_distortion_and_noise_reach_the_work(source: Path) -> None:
     assert other.treatment.camera.noise == Noise(read=0.002, shot=1e-4)
 
 
-@pytest.mark.parametrize(("measured", "shown"), [({"exposure": 0.02, "blur": 5.0, "readout": 0.02}, True), ({"readout": 0.02}, False)])
-def test_a_clip_whose_blur_has_shown_its_exposure_is_trusted_for_that(measured: dict[str, Any], shown: bool, tmp_path: Path) -> None:
-    found = task(make(tmp_path / "in.mp4", frames=2), measured=measured)
+@pytest.mark.parametrize(
+    ("stated", "measured", "shown"),
+    [
+        ({"exposure": 0.02}, {"exposure": 0.02, "blur": 5.0, "readout": 0.02}, True),
+        ({}, {"exposure": 0.03, "sharp": 0.02, "blur": 5.0, "readout": 0.02}, True),
+        ({"exposure": 0.02}, {"readout": 0.02}, False),
+    ],
+)
+def test_a_clip_whose_blur_has_shown_its_exposure_is_trusted_for_that(
+    stated: dict[str, float], measured: dict[str, Any], shown: bool, tmp_path: Path
+) -> None:
+    found = task(make(tmp_path / "in.mp4", frames=2), camera={"readout": 0.02, "focal_px": 100, **stated}, measured=measured)
     assert found.timing.exposure == 0.02
     assert found.treatment.exposure_shown == shown
 

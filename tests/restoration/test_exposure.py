@@ -75,16 +75,16 @@ def test_softness_makes_frames_seem_exposed_the_longer_the_slower_they_move(soft
     true, speeds = exposure.RATIO**10, np.geomspace(1, 4, 8) / exposure.RATIO**10
     seen = np.hypot(true, soft / speeds)
     tried = blurred(np.log(seen) / np.log(exposure.RATIO), speeds=speeds)
-    assert 0.5 * true < exposure._least(tried) <= true
+    assert 0.5 * true < least_of(tried) <= true
     alike = blurred([np.log(seen.mean()) / np.log(exposure.RATIO)] * 8, speeds=speeds)
-    assert exposure._least(alike) > 0.8 * seen.mean()
+    assert least_of(alike) > 0.8 * seen.mean()
 
 
 def test_frames_that_move_alike_do_not_tell_softness_from_a_longer_exposure() -> None:
     seen = exposure.RATIO**10
     for blur, told in ((1.5, False), (8.0, True)):
         tried = blurred([10.0] * 8, speeds=np.full(8, blur / seen))
-        assert (exposure._least(tried) > 0.7 * seen) == told
+        assert (least_of(tried) > 0.7 * seen) == told
 
 
 @pytest.mark.parametrize("growth", [-1.0, 0.0, 0.8])
@@ -118,21 +118,30 @@ def test_each_frame_has_the_exposure_that_its_part_of_the_clip_shows(
     run = taken(MOVING.recorded, assumed)
     true = 0.02 * np.exp(change * (run.begins - run.begins.mean()))
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _flow, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
-    taken_shorter = 0.0 if np.isinf(spread) else exposure.LEAST_DEVIATION
-    assert exposure.of_each(run, spread) == pytest.approx(true * np.exp(-taken_shorter), rel=0.1)  # one for all is off by 0.12
+    assert exposure.of_each(run, spread) == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
 
 
-@pytest.mark.parametrize(
-    ("spread", "deviation", "shorter"),
-    [(exposure.ABOUT, 0.005, exposure.LEAST_DEVIATION), (exposure.ABOUT, 0.1, 0.1), (np.inf, 0.1, 0.0), (np.inf, 0.2, 0.2)],
-)
-def test_frames_are_restored_with_an_exposure_one_deviation_shorter_than_they_show(
-    spread: float, deviation: float, shorter: float, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("soft", [0.0, 2.0])
+def test_an_exposure_that_is_measured_is_without_softness_and_one_that_is_assumed_has_to_come_into_focus_first(
+    soft: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of frames whose blur is as long as that of 12 ms, but for the softness in it, 0 or 2 px."""
+    run, true, period = taken(MOVING.recorded, 0.018), 0.012, 1 / RATE
+    path = exposure.path_from_tracks(run)
+    seem = [np.hypot(true, soft * period / exposure._length(run, path, k, period)) for k in range(len(run.begins))]
+    monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _flow, e: -np.exp(-(np.log(e / seem[k]) ** 2) / 0.02))
+    assert exposure.of_each(run) == pytest.approx(np.full(len(seem), true), rel=0.08)
+    assert (exposure.of_each(run, np.inf) > 1.1 * true).all() == (soft > 0)
+
+
+@pytest.mark.parametrize(("deviation", "shorter"), [(0.1, 0.0), (0.2, 0.2)])
+def test_frames_are_restored_with_an_exposure_one_deviation_shorter_than_they_vaguely_show(
+    deviation: float, shorter: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = taken(MOVING.recorded, 0.015)
     scale = 2 * len(run.begins) * exposure.INDEPENDENT * deviation**2
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, _k, _flow, e: np.log(e / 0.015) ** 2 / scale)
-    assert np.log(exposure.of_each(run, spread) / 0.015).mean() == pytest.approx(-shorter, abs=0.03)
+    assert np.log(exposure.of_each(run, np.inf) / 0.015).mean() == pytest.approx(-shorter, abs=0.03)
 
 
 def test_frames_that_show_no_exposure_have_that_of_the_clip(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -159,15 +168,23 @@ def test_an_exposure_far_below_those_that_are_tried_may_be_stated(monkeypatch: p
     assert exposure.of_each(run, np.inf) == pytest.approx(np.full(8, 2e-5))  # which leaves too little blur to tell
 
 
-@pytest.mark.parametrize(("least", "kept"), [(0.012, 0.02), (0.009, 0.01)])
-def test_softness_lengthens_no_exposure_but_bears_the_path_out(least: float, kept: float, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("least", "kept", "seeming"), [(0.012, 0.02, None), (0.009, 0.01, 0.02)])
+def test_softness_lengthens_no_exposure_but_bears_the_path_out(
+    least: float, kept: float, seeming: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run, shown = taken(MOVING.recorded, 0.01), 0.02
-    monkeypatch.setattr(exposure, "_least", lambda _: least)
+    monkeypatch.setattr(exposure, "_least", lambda *_: least)
     monkeypatch.setattr(exposure, "of_each", lambda run, _: np.full(len(run.begins), shown))
     monkeypatch.setattr(clip_motion, "votes", lambda run, _path: [1e-3 if run.exposures[0] == shown else -1e-3] * len(run.begins))
     found = exposure.followed(run)
     np.testing.assert_array_equal(found.run.exposures, kept)
     assert found.votes == [1e-3] * len(run.begins)
+    moving = clip_motion.movement_along(found)
+    timing = run.camera.exposed(seeming or kept).timing
+    for one in moving.evidence:
+        assert one.seeming == seeming
+        assert one.focused is not None
+        np.testing.assert_allclose((one.focused.t0, one.focused.t1), timing.interval)
 
 
 def test_below_half_a_pixel_of_blur_the_focus_has_no_dip(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,6 +242,11 @@ def blurred(
     times = np.zeros(len(misfits)) if times is None else times
     speeds = np.full(len(misfits), np.inf) if speeds is None else speeds
     return exposure._Tried(exposures=exposure.RATIO**numbers, frames=[*range(len(misfits))], times=times, speeds=speeds, misfits=misfits)
+
+
+def least_of(tried: exposure._Tried) -> float:
+    """The shortest exposure, s, that softness allows frames to have."""
+    return exposure._least(tried, exposure._without_softness(tried).sum(axis=1))
 
 
 def grain(rows: int, cols: int) -> list[Frame]:

@@ -185,7 +185,20 @@ def test_what_nobody_states_is_measured() -> None:
     assert (found.exposure.value, found.readout.value) == (0.004, 0.016)
     assert found.exposure.source == "measured from the clip's blur"
     assert not any(fact.assumed for fact in (found.exposure, found.readout))
-    assert found.exposure.within == pytest.approx((0.0036, 0.0044))
+    assert found.exposure.within == pytest.approx((0.003, 0.0044))
+
+
+def test_what_is_measured_is_taken_without_softness() -> None:
+    """Too long a stated one gives way to it, too, where blur contradicts that by itself, softness included."""
+    assert MEASURED.measured is not None
+    soft = replace(NOTHING, measured=MEASURED.measured.model_copy(update={"sharp": 0.0035}))
+    taken = resolve(Camera(), soft)
+    assert (taken.exposure.value, taken.by_blur) == (0.0035, True)
+    found, (note,) = exposure_of(Camera(exposure=0.02), soft)
+    assert found is not None
+    assert found.value == 0.0035
+    assert "5 times shorter" in note
+    assert "is it 1/286 s? 3.5 ms is taken" in note
 
 
 def test_what_cannot_be_measured_is_assumed_short() -> None:
