@@ -81,7 +81,7 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
 def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ignore) -> Run:
     """Successive frames as their motion is estimated, exposed as they show where nobody states it."""
     run = _gathered(treatment, frames, observe)
-    return run if treatment.exposure_spread is None else run.exposed(exposure.of_each(run, treatment.exposure_spread))
+    return run if treatment.exposure_spread is None else exposure.of_each(run, treatment.exposure_spread)
 
 
 def _gathered(treatment: Treatment, frames: Iterable[Frame], observe: Observer, *, blur: bool = True) -> Run:

@@ -77,6 +77,7 @@ class Run:
     exposures: Float[np.ndarray, " frames"]  # s, of each frame; none is longer than the camera's
     pictures: Int[np.ndarray, " pictures"]  # which of the frames each picture of the clip shows: some repeat the one before
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
+    seeming: Float[np.ndarray, " frames"] | None = None  # s, exposures with softness, with which frames come into focus; None: their own
     toned: bool = True  # whether points may show tones: not with a readout that is no more than a guess
     misfits: dict[int, Float[np.ndarray, " tried"]] = field(default_factory=dict)  # of frames, to exposures, whatever is believed
 
@@ -109,7 +110,12 @@ class Run:
             return [replace(s, camera=s.camera.exposed(float(e))) for s, e in zip(scenes, exposures, strict=True)] if scenes else []
 
         begins = self.begins + (before - longest) / 2
-        return replace(run, begins=begins, exposures=exposures, scenes=taken(run.scenes), wide=taken(run.wide))
+        return replace(run, begins=begins, exposures=exposures, seeming=None, scenes=taken(run.scenes), wide=taken(run.wide))
+
+    @property
+    def judged(self) -> "Run":
+        """The same frames, exposed as long as their blur seems: along that they come into focus."""
+        return self if self.seeming is None else self.exposed(self.seeming)
 
     def taken_by(self, camera: Camera) -> "Run":
         """The same frames, if another camera of that size has taken them."""
@@ -147,7 +153,6 @@ class Followed:
 
     run: Run
     path: CameraPath
-    seeming: Float[np.ndarray, " frames"] | None = None  # s, exposures with softness, with which frames come into focus; None: their own
 
     @classmethod
     def of(cls, run: Run) -> "Followed":
@@ -158,7 +163,7 @@ class Followed:
     @cached_property
     def votes(self) -> list[float]:
         """The focus of each frame that is blurred enough, along the path."""
-        return votes(self.run if self.seeming is None else self.run.exposed(self.seeming), self.path)
+        return votes(self.run.judged, self.path)
 
 
 def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Movement:
@@ -179,8 +184,7 @@ def movement_along(found: Followed, frames: Bool[np.ndarray, " frames"] | None =
     if frames is not None or share == 0:
         return replace(movement_of(run, path.spline, run.followed), evidence=evidence(run, path, share=share))
     better = refined_by_neighbours(run, path)
-    beside_it = evidence(run, better, share=share, focused=path.spline, seeming=found.seeming)
-    return replace(movement_of(run, better.spline, run.followed), evidence=beside_it)
+    return replace(movement_of(run, better.spline, run.followed), evidence=evidence(run, better, share=share, focused=path.spline))
 
 
 def in_matched_blur(run: Run) -> Run:
@@ -322,14 +326,12 @@ def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> li
     return threads.each(lambda each: focus_value(*each), wanted)
 
 
-def evidence(
-    run: Run, path: CameraPath, *, share: float, focused: Spline | None = None, seeming: Float[np.ndarray, " frames"] | None = None
-) -> list[Evidence]:
+def evidence(run: Run, path: CameraPath, *, share: float, focused: Spline | None = None) -> list[Evidence]:
     """What the points of each frame do beyond a path, how sure that is, and how far the blur may depart from it.
 
-    Focus has `focused` another path, if one is given, and frames come into it with the exposures that are `seeming`.
+    Focus has `focused` another path, if one is given.
     """
-    judged = run if seeming is None else run.exposed(seeming)
+    judged, led = run.judged, focused or (None if run.seeming is None else path.spline)
     beyond = unexplained(path.spline, run.links, run.begins, run.camera)
     speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
@@ -345,8 +347,8 @@ def evidence(
             certainty=float(certainty),
             blur_certainty=float(blurred),
             exposure_shown=run.exposure_shown,
-            focused=focused and within(focused, judged.opens(k), judged.timing(k)),
-            seeming=None if seeming is None else float(seeming[k]),
+            focused=led and within(led, judged.opens(k), judged.timing(k)),
+            seeming=None if run.seeming is None else float(run.seeming[k]),
         )
         for k, (flow, departure, granted, certainty, blurred) in enumerate(
             zip(_flows(run, beyond), coherent, shares, certain, of_blur, strict=True)

@@ -151,15 +151,16 @@ def in_better_focus(run: Run, stated: float, shown: float) -> bool:
 def followed(run: Run) -> Followed:
     """A run some of whose points were followed, in matched blur; with the exposures that its blur shows, where its frames are in better
     focus with these than with what is believed."""
-    found, seeming = Followed.of(run), of_each(run, np.inf)
-    if np.allclose(seeming, run.exposures, rtol=SAME, atol=0):
-        return found
-    if _softened(run, seeming):
-        return replace(found, seeming=seeming)
+    found = Followed.of(run)
     if run.exposure_shown and run_share(found.votes) == 1:
         return found
-    shown = Followed.of(run.exposed(seeming))
-    return shown if deviations(shown.votes) > deviations(found.votes) + BELIEVED else found
+    other = of_each(run, np.inf)
+    if np.allclose(other.exposures, run.exposures, rtol=SAME, atol=0):
+        return found
+    shown = Followed.of(other)
+    if deviations(shown.votes) <= deviations(found.votes) + BELIEVED:
+        return found
+    return replace(found, run=replace(found.run, seeming=other.exposures)) if _softened(run, other.exposures) else shown
 
 
 def _softened(run: Run, exposures: Float[np.ndarray, " frames"]) -> bool:
@@ -172,8 +173,8 @@ def _softened(run: Run, exposures: Float[np.ndarray, " frames"]) -> bool:
     return not isinstance(tried, Unclear) and believed >= _least(tried, _without_softness(tried).sum(axis=1))
 
 
-def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
-    """The exposure of each frame, s, as automatic exposure changes it about the one that the run's camera has.
+def of_each(run: Run, spread: float = ABOUT) -> Run:
+    """The same frames, each with its own exposure, as automatic exposure changes it about the one that the run's camera has.
 
     `spread` is the scale, in its logarithm, by which the run's may differ from the camera's: infinite where that is assumed. Where too
     few frames are blurred, or where they do not agree, each has the camera's. A clip that does not show its exposure, because its path is
@@ -183,29 +184,35 @@ def of_each(run: Run, spread: float = ABOUT) -> Float[np.ndarray, " frames"]:
     """
     about, assumed = run.camera.timing.exposure, not np.isfinite(spread)
     if len(run.begins) < FEWEST or not run.followed.any():
-        return run.exposures
+        return run
     period, path = _period(run), path_from_tracks(run)
     frames = _most_moving(run, path, -np.inf if assumed else SHOWS)
     tried = _tried(run, path, frames, period)
     if isinstance(tried, Unclear):
-        return run.exposures
+        return run
     tried = tried.between(about / FARTHEST, max(about, period * SHORTEST) * FARTHEST)
     logarithms = np.log(tried.exposures)
     prior = -np.log1p(((logarithms - np.log(about)) / spread) ** 2)
-    shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None]).sum(axis=1)
-    x = float(shown @ logarithms)
-    deviation = float(np.sqrt(shown @ (logarithms - x) ** 2))
+    shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
+    x = float(shown.sum(axis=1) @ logarithms)
+    deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
     if deviation > (ROUGHLY if assumed else VAGUE):
-        return run.exposures
+        return run
     if not assumed:
         sharp = _without_softness(tried, prior)
-        each = float(sharp.sum(axis=1) @ tried.exposures) * np.exp(sharp.sum(axis=0) @ CHANGES * (run.begins - _middle(run)))
-        return np.clip(each, period * SHORTEST, period)
+        each = _changing(run, float(sharp.sum(axis=1) @ tried.exposures), sharp)
+        return replace(run.exposed(each), seeming=_changing(run, float(np.exp(x)), shown))
     seconds = float(np.exp(x - (deviation if deviation > VAGUE else 0.0)))
     better = tried.frames[: max(FEWEST, len(tried.frames) // 2)]
     if _middle_length(run, path, better, seconds) < SHOWS:
-        return run.exposures
-    return np.full(len(run.begins), np.clip(seconds, period * SHORTEST, period))
+        return run
+    return run.exposed(np.full(len(run.begins), np.clip(seconds, period * SHORTEST, period)))
+
+
+def _changing(run: Run, middle: float, shown: Float[np.ndarray, "tried changes"]) -> Float[np.ndarray, " frames"]:
+    """The exposure of each frame, s, about that in the middle, with the change that is shown."""
+    period, change = _period(run), float(shown.sum(axis=0) @ CHANGES)
+    return np.clip(middle * np.exp(change * (run.begins - _middle(run))), period * SHORTEST, period)
 
 
 def _period(run: Run) -> float:

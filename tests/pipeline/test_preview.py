@@ -57,7 +57,7 @@ def test_the_middle_frame_of_a_clip_is_sharper(source: Path, tmp_path: Path, tim
 
 def test_what_nobody_states_is_not_measured_for_a_preview(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(measuring, "measured", lambda *_: pytest.fail("that takes longer than the preview"))
-    monkeypatch.setattr(exposure, "of_each", lambda run, _: np.full(len(run.begins), 0.015))
+    monkeypatch.setattr(exposure, "of_each", lambda run, _: run.exposed(np.full(len(run.begins), 0.015)))
     bare = Request.of(source, tmp_path / "out.png", Sections()).replaced(preview=True)
     done = deblur.carry_out(prepare(bare), ignore)
     words = "exposure 15 ms is what its blur shows, readout 10.4 ms is assumed: a preview is not measured as a job is, by forty frames"

@@ -118,7 +118,7 @@ def test_each_frame_has_the_exposure_that_its_part_of_the_clip_shows(
     run = taken(MOVING.recorded, assumed)
     true = 0.02 * np.exp(change * (run.begins - run.begins.mean()))
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _flow, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
-    assert exposure.of_each(run, spread) == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
+    assert exposure.of_each(run, spread).exposures == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
 
 
 @pytest.mark.parametrize("soft", [0.0, 2.0])
@@ -130,8 +130,11 @@ def test_an_exposure_that_is_measured_is_without_softness_and_one_that_is_assume
     path = exposure.path_from_tracks(run)
     seem = [np.hypot(true, soft * period / exposure._length(run, path, k, period)) for k in range(len(run.begins))]
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _flow, e: -np.exp(-(np.log(e / seem[k]) ** 2) / 0.02))
-    assert exposure.of_each(run) == pytest.approx(np.full(len(seem), true), rel=0.08)
-    assert (exposure.of_each(run, np.inf) > 1.1 * true).all() == (soft > 0)
+    measured = exposure.of_each(run)
+    assert measured.exposures == pytest.approx(np.full(len(seem), true), rel=0.08)
+    assert measured.seeming is not None
+    assert (measured.seeming > 1.1 * true).all() == (soft > 0)
+    assert (exposure.of_each(run, np.inf).exposures > 1.1 * true).all() == (soft > 0)
 
 
 @pytest.mark.parametrize(("deviation", "shorter"), [(0.1, 0.0), (0.2, 0.2)])
@@ -141,15 +144,15 @@ def test_frames_are_restored_with_an_exposure_one_deviation_shorter_than_they_va
     run = taken(MOVING.recorded, 0.015)
     scale = 2 * len(run.begins) * exposure.INDEPENDENT * deviation**2
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, _k, _flow, e: np.log(e / 0.015) ** 2 / scale)
-    assert np.log(exposure.of_each(run, np.inf) / 0.015).mean() == pytest.approx(-shorter, abs=0.03)
+    assert np.log(exposure.of_each(run, np.inf).exposures / 0.015).mean() == pytest.approx(-shorter, abs=0.03)
 
 
 def test_frames_that_show_no_exposure_have_that_of_the_clip(monkeypatch: pytest.MonkeyPatch) -> None:
     run = taken(MOVING.recorded, 0.018)
     monkeypatch.setattr(exposure, "_misfits", lambda *given: 0 * given[-1])
     for spread in (exposure.ABOUT, np.inf):
-        np.testing.assert_array_equal(exposure.of_each(run, spread), np.full(8, 0.018))
-    np.testing.assert_array_equal(exposure.of_each(taken(MOVING.recorded[:2], 0.018)), [0.018, 0.018])
+        np.testing.assert_array_equal(exposure.of_each(run, spread).exposures, np.full(8, 0.018))
+    np.testing.assert_array_equal(exposure.of_each(taken(MOVING.recorded[:2], 0.018)).exposures, [0.018, 0.018])
 
 
 def test_a_frames_blur_is_compared_once_whatever_is_believed_of_its_exposure(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,15 +160,15 @@ def test_a_frames_blur_is_compared_once_whatever_is_believed_of_its_exposure(mon
     monkeypatch.setattr(
         exposure, "_misfits", lambda _run, _path, k, _flow, e: compared.append(k) or -np.exp(-(np.log(e / 0.02) ** 2) / 0.1)
     )
-    shown = run.exposed(exposure.of_each(run))
-    np.testing.assert_allclose(exposure.of_each(shown, np.inf), exposure.of_each(run, np.inf), rtol=1e-5)
+    shown = exposure.of_each(run)
+    np.testing.assert_allclose(exposure.of_each(shown, np.inf).exposures, exposure.of_each(run, np.inf).exposures, rtol=1e-5)
     assert sorted(compared) == list(range(8))
 
 
 def test_an_exposure_far_below_those_that_are_tried_may_be_stated(monkeypatch: pytest.MonkeyPatch) -> None:
     run = taken(MOVING.recorded, 2e-5)
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, _k, _flow, e: -np.exp(-(np.log(e / 0.002) ** 2) / 0.1))
-    assert exposure.of_each(run, np.inf) == pytest.approx(np.full(8, 2e-5))  # which leaves too little blur to tell
+    assert exposure.of_each(run, np.inf).exposures == pytest.approx(np.full(8, 2e-5))  # which leaves too little blur to tell
 
 
 @pytest.mark.parametrize(("least", "kept", "seeming"), [(0.012, 0.02, None), (0.009, 0.01, 0.02)])
@@ -174,7 +177,7 @@ def test_softness_lengthens_no_exposure_but_bears_the_path_out(
 ) -> None:
     run, shown = taken(MOVING.recorded, 0.01), 0.02
     monkeypatch.setattr(exposure, "_least", lambda *_: least)
-    monkeypatch.setattr(exposure, "of_each", lambda run, _: np.full(len(run.begins), shown))
+    monkeypatch.setattr(exposure, "of_each", lambda run, _: run.exposed(np.full(len(run.begins), shown)))
     monkeypatch.setattr(clip_motion, "votes", lambda run, _path: [1e-3 if run.exposures[0] == shown else -1e-3] * len(run.begins))
     found = exposure.followed(run)
     np.testing.assert_array_equal(found.run.exposures, kept)
