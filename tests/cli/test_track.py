@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -175,7 +176,8 @@ def test_what_a_clip_shows_of_its_shutter_goes_into_its_track(tmp_path: Path, mo
 def test_what_each_frame_shows_of_its_exposure_goes_into_the_track_and_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = [0.012, 0.015, 0.019, 0.024]
     monkeypatch.setattr(measuring, "measured", lambda *_: Measured(exposure=0.021, readout=0.018, focal=200.0))
-    monkeypatch.setattr(exposure, "of_each", lambda *_: np.array(found))
+    seeming = [1.2 * seconds for seconds in found]
+    monkeypatch.setattr(exposure, "of_each", lambda run, _: replace(run.exposed(np.array(found)), seeming=np.array(seeming)))
     source = encode(tmp_path / "moving.mkv", [coded(rendering.blurred) for rendering in CLIP.renderings])
     output = tmp_path / "a.rsvideo.json"
     carry_out(task := prepare(Request(source=source, output=output, motion_only=True)), ignore)
@@ -184,6 +186,9 @@ def test_what_each_frame_shows_of_its_exposure_goes_into_the_track_and_comes_bac
     moving = given_movement.of_pictures(output, task.treatment.camera.exposed(found[0]), [(p.index, p.time) for p in shown])
     assert moving.exposures == found
     assert all(one.exposure_shown for one in moving.evidence)
-    for path, seconds in zip(moving.within, found, strict=True):
+    assert [one.seeming for one in moving.evidence] == seeming
+    for path, seconds, one in zip(moving.within, found, moving.evidence, strict=True):
         assert path is not None
         assert path.t1 == pytest.approx(seconds + 0.018)
+        assert one.focused is not None
+        assert one.focused.t1 == pytest.approx(1.2 * seconds + 0.018)
