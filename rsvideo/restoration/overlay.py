@@ -15,7 +15,7 @@ from itertools import pairwise, starmap
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
 
 from rsvideo.frame import Frame, FrameResult
 from rsvideo.physics.luminance import luminance
@@ -31,6 +31,7 @@ OFTEN = 0.5  # of the pairs of neighbours, in which a pixel of graphics stays: a
 MOSTLY = 0.8  # of the distant pairs, in which a part of graphics stays with all about it; and of pictures, whose bars are equally high
 CELLS, MOVING_CELLS = 3, 0.7  # a side of the grid over the picture; of its cells in which anything moves or much stays, those that move
 LARGE = 0.2  # of a cell, with texture, which may stay though little of its scene moves
+INSET = 1 / 4  # of the picture, which a frame that stays may enclose as a picture of its own; more is the scene, in a frame
 MOST = 1 / 3  # of the picture, covered by graphics; else the camera stands still, and something moves before it
 _LEAST = 0.01  # of a cell moves, or it tells nothing
 _WIDE, _ABOUT = 9, 5  # px: what is compared to tell whether the scene moves, and whether a place stays
@@ -130,7 +131,15 @@ def _together(stays: Bool[np.ndarray, "rows cols"], firm: Bool[np.ndarray, "rows
     sure, size = (np.bincount(parts[each], minlength=count) for each in (firm, stays))
     whole = sure >= np.maximum(LEAST_FIRM, FIRM * size)
     whole[0] = False
-    return cv2.dilate(whole[parts].astype(np.uint8), np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)) > 0
+    return _with_insets(cv2.dilate(whole[parts].astype(np.uint8), np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)) > 0)
+
+
+def _with_insets(graphics: Bool[np.ndarray, "rows cols"]) -> Bool[np.ndarray, "rows cols"]:
+    """Graphics, and what they enclose: a picture in the picture, whose scene is another one, or the inside of a letter."""
+    enclosed, _ = label(binary_fill_holes(graphics) & ~graphics)
+    sizes = np.bincount(enclosed.ravel())
+    sizes[0] = 0
+    return graphics | ((sizes > 0) & (sizes <= INSET * graphics.size))[enclosed]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -53,6 +53,19 @@ def test_digits_that_change_once_are_part_of_a_caption() -> None:
     assert covered[90:104, 70:88].mean() > 0.9
 
 
+@pytest.mark.parametrize(("inset", "own"), [(np.s_[70:110, 130:190], True), (np.s_[10:110, 20:180], False)])
+def test_a_picture_in_the_picture_is_found_by_its_border_and_a_border_about_the_scene_is_none(inset: tuple[slice, ...], own: bool) -> None:
+    """What a border encloses moves otherwise than the scene about it; where it is most of the picture, it is the scene."""
+    frames = pictures()
+    for frame, other in zip(frames, pictures(-2.0), strict=True):
+        size = frame.pixels[inset].shape
+        frame.pixels[inset] = 1.0
+        inside = tuple(slice(part.start + 2, part.stop - 2) for part in inset)
+        frame.pixels[inside] = other.pixels[: size[0] - 4, : size[1] - 4]
+    covered = found(frames)
+    assert covered[inset].mean() > 0.9 if own else covered[inset].mean() < 0.3
+
+
 @pytest.mark.parametrize("step", [0.0, 1.0, 3.0, 9.0])
 def test_nothing_is_found_over_a_scene_by_itself(step: float) -> None:
     assert not found(pictures(step)).any()
