@@ -1,13 +1,14 @@
-"""Draw captions, logos or bars over clips, restore them, and print what became of the scene and of the graphics.
+"""Draw captions, logos, bars or insets over clips, restore them, and print what became of the scene and of the graphics.
 
-    python tests/benchmarks/graphics.py CASES -o RESULTS [--over nothing|caption|bars ...] [--exposure stated|none ...]
+    python tests/benchmarks/graphics.py CASES -o RESULTS [--over nothing|caption|bars|inset ...] [--exposure stated|none ...]
         [--quality 18] [--find] [--only NAME ...] [--set ROOM.NUMBER=VALUE ...] [--json FILE]
 
 CASES holds a folder a case, as for tests/benchmarks/footage.py. Over each picture of clip.mp4 and of truth.mp4 come a time stamp whose
-seconds run, and a logo in a box, or black bars of a tenth of the height; both are encoded anew, by H.264 at this rate factor. The gains
-of frames are those of footage.py, graphics included. Of the graphics' own pixels, the RMS of codes by which they differ from the clip
-that is given, in the middle one of all clips. With --find nothing is restored: what the finder takes for graphics, of their pixels and
-of all others. --set tries other numbers of rsvideo.restoration than the present ones: with overlay.FEWEST=1000 nothing is found.
+seconds run, and a logo in a box, or black bars of a tenth of the height, or the picture itself, mirrored, a quarter as large and in a white
+border. Both are encoded anew, by H.264 at this rate factor. The gains of frames are those of footage.py, graphics included. Of the graphics'
+own pixels, the RMS of codes by which they differ from the clip that is given, in the middle one of all clips. With --find nothing is
+restored: what the finder takes for graphics, of their pixels and of all others. --set tries other numbers of rsvideo.restoration than the
+present ones: with overlay.FEWEST=1000 nothing is found.
 """
 
 import argparse
@@ -29,9 +30,10 @@ from rsvideo.pipeline import clip_frames
 from rsvideo.restoration.overlay import Overlay
 from rsvideo.video.decode import pictures, probe
 
-OVER = ("nothing", "caption", "bars")
+OVER = ("nothing", "caption", "bars", "inset")
 FONT, WHITE, RED_LUMA = cv2.FONT_HERSHEY_SIMPLEX, 235, 81
 BAR = 0.1  # of the height
+INSET, BORDER = 4, 2  # times smaller than the picture; px
 SECONDS = 8.6  # of the clock when a clip begins: it changes within a clip of twelve frames
 
 
@@ -48,6 +50,11 @@ def drawn(luma_codes: np.ndarray, over: str, seconds: float) -> np.ndarray:
         cv2.putText(out, "NEWS", (box[0][0] + cols // 60, box[1][1] - rows // 30), FONT, 1.6 * size, RED_LUMA, 2, cv2.LINE_AA)
     elif over == "bars":
         out[: round(BAR * rows)] = out[rows - round(BAR * rows) :] = 16
+    elif over == "inset":
+        inset = cv2.resize(out[:, ::-1], (cols // INSET, rows // INSET), interpolation=cv2.INTER_AREA)
+        bordered = cv2.copyMakeBorder(inset, BORDER, BORDER, BORDER, BORDER, cv2.BORDER_CONSTANT, value=WHITE)
+        y, x = rows - rows // 20 - len(bordered), cols - cols // 30 - bordered.shape[1]
+        out[y : y + len(bordered), x : x + bordered.shape[1]] = bordered
     return out
 
 
@@ -77,7 +84,8 @@ def graphics_of(case: Path, over: str) -> np.ndarray:
     """Which pixels of each picture of a case are graphics."""
     stream = probe(case / "clip.mp4")
     shape = stream.rows, stream.cols
-    grounds = [np.full(shape, code, np.uint8) for code in (60, 180)]
+    ramps = np.linspace(40, 100, shape[1])[None, :], np.linspace(140, 200, shape[0])[:, None]  # no inset of both is like both
+    grounds = [np.broadcast_to(ramp, shape).astype(np.uint8) for ramp in ramps]
     shown = [[drawn(ground, over, k / float(stream.rate)) != ground for ground in grounds] for k in range(stream.frames)]
     return np.array([first | second for first, second in shown])
 
