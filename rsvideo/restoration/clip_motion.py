@@ -153,6 +153,7 @@ class Followed:
 
     run: Run
     path: CameraPath
+    sharper: "Followed | None" = None  # with exposures that are not believed, but whose focus bears the path out
 
     @classmethod
     def of(cls, run: Run) -> "Followed":
@@ -163,7 +164,7 @@ class Followed:
     @cached_property
     def votes(self) -> list[float]:
         """The focus of each frame that is blurred enough, along the path."""
-        return votes(self.run.judged, self.path)
+        return self.sharper.votes if self.sharper else votes(self.run.judged, self.path)
 
 
 def movement(run: Run, frames: Bool[np.ndarray, " frames"] | None = None) -> Movement:

@@ -160,7 +160,7 @@ def followed(run: Run) -> Followed:
     shown = Followed.of(other)
     if deviations(shown.votes) <= deviations(found.votes) + BELIEVED:
         return found
-    return replace(found, run=replace(found.run, seeming=other.exposures)) if _softened(run, other.exposures) else shown
+    return replace(found, sharper=shown) if _softened(run, other.exposures) else shown
 
 
 def _softened(run: Run, exposures: Float[np.ndarray, " frames"]) -> bool:

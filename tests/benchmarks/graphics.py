@@ -5,10 +5,10 @@
 
 CASES holds a folder a case, as for tests/benchmarks/footage.py. Over each picture of clip.mp4 and of truth.mp4 come a time stamp whose
 seconds run, and a logo in a box, or black bars of a tenth of the height, or the picture itself, mirrored, a quarter as large and in a white
-border. Both are encoded anew, by H.264 at this rate factor. The gains of frames are those of footage.py, graphics included. Of the graphics'
-own pixels, the RMS of codes by which they differ from the clip that is given, in the middle one of all clips. With --find nothing is
-restored: what the finder takes for graphics, of their pixels and of all others. --set tries other numbers of rsvideo.restoration than the
-present ones: with overlay.FEWEST=1000 nothing is found.
+border. Both are encoded anew, by H.264 at this rate factor. The gains of frames are those of footage.py, graphics included. Of the
+graphics' own pixels, the RMS of codes by which they differ from the clip that is given, in the middle one of all clips. With --find
+nothing is restored: what the finder takes for graphics, of their pixels and of all others. --set tries other numbers of
+rsvideo.restoration than the present ones: with overlay.FEWEST=1000 nothing is found.
 """
 
 import argparse

@@ -171,10 +171,8 @@ def test_an_exposure_far_below_those_that_are_tried_may_be_stated(monkeypatch: p
     assert exposure.of_each(run, np.inf).exposures == pytest.approx(np.full(8, 2e-5))  # which leaves too little blur to tell
 
 
-@pytest.mark.parametrize(("least", "kept", "seeming"), [(0.012, 0.02, None), (0.009, 0.01, 0.02)])
-def test_softness_lengthens_no_exposure_but_bears_the_path_out(
-    least: float, kept: float, seeming: float | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize(("least", "kept"), [(0.012, 0.02), (0.009, 0.01)])
+def test_softness_lengthens_no_exposure_but_bears_the_path_out(least: float, kept: float, monkeypatch: pytest.MonkeyPatch) -> None:
     run, shown = taken(MOVING.recorded, 0.01), 0.02
     monkeypatch.setattr(exposure, "_least", lambda *_: least)
     monkeypatch.setattr(exposure, "of_each", lambda run, _: run.exposed(np.full(len(run.begins), shown)))
@@ -182,10 +180,18 @@ def test_softness_lengthens_no_exposure_but_bears_the_path_out(
     found = exposure.followed(run)
     np.testing.assert_array_equal(found.run.exposures, kept)
     assert found.votes == [1e-3] * len(run.begins)
+
+
+def test_frames_come_into_focus_exposed_as_long_as_they_seem(monkeypatch: pytest.MonkeyPatch) -> None:
+    run, seeming = taken(MOVING.recorded, 0.01), np.full(8, 0.014)
+    monkeypatch.setattr(clip_motion, "votes", lambda run, _path: run.exposures.tolist())
+    found = clip_motion.Followed.of(replace(run, seeming=seeming))
+    assert found.votes == [0.014] * 8
+    timing = run.camera.exposed(0.014).timing
     moving = clip_motion.movement_along(found)
-    timing = run.camera.exposed(seeming or kept).timing
+    assert moving.exposures == [0.01] * 8
     for one in moving.evidence:
-        assert one.seeming == seeming
+        assert one.seeming == 0.014
         assert one.focused is not None
         np.testing.assert_allclose((one.focused.t0, one.focused.t1), timing.interval)
 
