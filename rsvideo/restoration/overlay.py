@@ -15,7 +15,7 @@ from itertools import pairwise, starmap
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
-from scipy.ndimage import binary_fill_holes, distance_transform_edt, label
+from scipy.ndimage import binary_fill_holes, distance_transform_edt
 
 from rsvideo.frame import Frame, FrameResult
 from rsvideo.physics.luminance import luminance
@@ -136,10 +136,11 @@ def _together(stays: Bool[np.ndarray, "rows cols"], firm: Bool[np.ndarray, "rows
 
 def _with_insets(graphics: Bool[np.ndarray, "rows cols"]) -> Bool[np.ndarray, "rows cols"]:
     """Graphics, and what they enclose: a picture in the picture, whose scene is another one, or the inside of a letter."""
-    enclosed, _ = label(binary_fill_holes(graphics) & ~graphics)
-    sizes = np.bincount(enclosed.ravel())
-    sizes[0] = 0
-    return graphics | ((sizes > 0) & (sizes <= INSET * graphics.size))[enclosed]
+    enclosed = np.asarray(binary_fill_holes(graphics), bool) & ~graphics
+    count, labels = cv2.connectedComponents(enclosed.astype(np.uint8))
+    parts = np.asarray(labels, np.intp)
+    size = np.bincount(parts[enclosed], minlength=count)
+    return graphics | (enclosed & (size <= INSET * graphics.size)[parts])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
