@@ -20,6 +20,7 @@ class Verdict(enum.StrEnum):
     DOUBTFUL = "restored in part: little speaks for the motion that its blur shows"
     STRAIGHTENED = "straightened, not deblurred: it has too little blur, or blur that its motion does not explain"
     DISAGREES = "straightened, not deblurred: the blur of its neighbours and its own does not show the exposure that is assumed"
+    LEFT = "left as it was: it has too little blur, or blur that its motion does not explain; and no readout"
     SHARP = "left as it was: the frame is sharp already"
     NO_TEXTURE = "left as it was: the frame has no texture to measure motion by"
     UNTOUCHED = "left as it was: no restoration was asked for"

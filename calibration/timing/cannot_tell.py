@@ -22,6 +22,10 @@ class CannotTellError(ValueError):
         self.likeliest = likeliest
 
 
+class StabilisedError(CannotTellError):
+    """The frames were shifted after they were read, so that their motion does not go on within them."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class CannotTell:
     """No readout, because the material does not show it.

@@ -2,7 +2,8 @@
 
 The path is Matern's with 5/2, twice differentiable, and a pan. How strong and how quick it is, and how noisy the tracks are, is chosen
 anew for every row time; the evidence of what is left is compared. Where an engine shakes the camera, tones of the frequencies that
-explain most are added. A negative row time is a readout from the bottom up.
+explain most are added. A negative row time is a readout from the bottom up. Where a clip was stabilised, each frame was shifted after it
+was read, so that every pair has a shift of its own beside the path.
 """
 
 from collections.abc import Sequence
@@ -43,6 +44,7 @@ class Chunk:
     rows: Float[np.ndarray, "2 pairs nodes"]
     begins: Float[np.ndarray, "2 pairs"]
     tones: tuple[float, ...] = ()  # Hz
+    shift: float = 0.0  # px, the deviation of a shift that each pair has beside the path
 
     def evidence(self, row_time: float, hyper: np.ndarray) -> tuple[float, np.ndarray]:
         """The log-likelihood of a readout, and its slope in the logarithms of strength (px), pace (s) and noise (of variance)."""
@@ -75,6 +77,7 @@ class Chunk:
         pan = self.coefficients @ (at[1] - at[0])
         tones = vibration.SPREAD * self._waves(at, np.array(self.tones)).reshape(len(pan), 2 * len(self.tones))
         sure = noise * self.noise + _PAN_PX_PER_S**2 * np.outer(pan, pan) + tones @ tones.T + _NUGGET * np.eye(len(pan))
+        sure[::TERMS, ::TERMS] += self.shift**2 * np.eye(len(pan) // TERMS)
         return path, slower, path + sure
 
     def _times(self, row_time: float) -> Float[np.ndarray, "2 places"]:

@@ -7,12 +7,12 @@ says nothing of t_r: it takes a hand's changes of pace, or an engine's vibration
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from calibration.timing.cannot_tell import CannotTellError, Likeliest
+from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError
 from calibration.timing.pair_motion import FEWEST_POINTS, Pair, summarise
 from calibration.timing.path_evidence import Chunk, PathFit, chunked, curvature, fit_path, likeliest, with_tones
 from rsvideo.physics.shutter import Direction
@@ -32,6 +32,8 @@ _VAGUE = 0.07  # of the readout; a larger deviation is no answer
 _VAGUE_GLOBAL = 0.02  # of a frame's period; the largest deviation with which a global shutter is recognised
 _GLOBAL = 3  # deviations, below which a readout is none
 _APART = 9.0  # mean square of deviations by which parts of a clip may disagree
+_SHIFTED = 0.02  # of the picture's longer side, the deviation of the shift that a stabiliser gives each pair of frames
+_SHIFTED_READOUTS = (0.3, 0.6, 0.9)  # of a frame's period, with which a stabilised clip is tried: they differ little there
 _CURVATURE_STEP = 0.25  # of the distance between readouts that are tried, over which the cost's curvature is measured; origin: by trial
 
 
@@ -79,6 +81,7 @@ def explain(
     chunks, fits = with_tones(chunks, _fits(chunks, grid / rows, observer))
     best = likeliest(chunks, max(fits, key=lambda fit: fit.value), spacing / rows)
     _report(observer, (len(grid) + _REFINED) / (len(grid) + _REFINING))
+    _refuse_stabilised(chunks, best, rows, cols, period)
     readout = best.row_time * rows
     of_readout, std, disagreement = _uncertainty(chunks, best, rows, spacing, astray)
     distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
@@ -120,6 +123,13 @@ def _fits(chunks: Sequence[Chunk], row_times: Float[np.ndarray, " steps"], obser
 
 def _report(observer: Observer, fraction: float) -> None:
     observer(Progress(stage="trying readouts", fraction=fraction))
+
+
+def _refuse_stabilised(chunks: Sequence[Chunk], best: PathFit, rows: int, cols: int, period: float) -> None:
+    """StabilisedError where a shift of each frame's own explains the clip better than any readout does without."""
+    shifted = [replace(chunk, shift=_SHIFTED * max(rows, cols)) for chunk in chunks]
+    if max(fit_path(shifted, part * period / rows, (best,)).value for part in _SHIFTED_READOUTS) > best.value:
+        raise StabilisedError("its frames are shifted otherwise than its motion goes on within them; was it stabilised?")
 
 
 def _refuse_vague(readout: float, std: float, period: float, found: Likeliest | None) -> None:

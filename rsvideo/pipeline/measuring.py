@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
+from scipy.stats import norm
 
 from calibration.intrinsics.from_motion import VAGUE, Focal, focal_length
-from calibration.timing.cannot_tell import CannotTellError, Likeliest
+from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError
 from calibration.timing.pair_motion import Pair
 from calibration.timing.self_calibration import ASTRAY, LESS_ASTRAY, explain
 from rsvideo.config.request import Camera as Stated
@@ -104,6 +105,13 @@ def with_measured(take: Opened, given: Stated) -> Opened:
     return settled(replace(take, notes=(*take.notes, *unclear)), found)
 
 
+def unmeasured(take: Taken, given: Stated) -> Taken:
+    """The take of which nothing is measured: what nobody states is mild."""
+    assert take.shutter.fps is not None
+    readout = timing.mild(take.shutter.fps) if readout_unknown(given, take.shutter) else take.shutter.readout
+    return settled(replace(take, shutter=replace(take.shutter, readout=readout)), Measured())
+
+
 def settled(take: Taken, found: Measured | None) -> Taken:
     """The take with what its frames have shown."""
     focal = take.focal
@@ -144,7 +152,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
 
     def taken(readout: float | None) -> Run:
         by = camera(half if readout is None else readout, lens.pixels)
-        return replace(run.taken_by(by), toned=readout is not None, misfits={})
+        return replace(run.taken_by(by), readout_guessed=readout is None, misfits={})
 
     unknown = readout_unknown(given, sources)
     stated, _ = timing.readout_of(given, sources)
@@ -161,6 +169,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         readout=readout.seconds,
         readout_deviation=readout.deviation,
         direction=shown.direction,
+        stabilised=shown.stabilised,
         contrary=None if unknown else _contrary(shown, readout, period),
         focal=None if focal else round(lens.pixels, 1),
         focal_deviation=round(lens.deviation, 4),
@@ -189,12 +198,15 @@ def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources)
 
 
 def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, float]:
-    """The readout that vague motion and what is usual of cameras make likeliest, and its deviation, s; None where neither says one.
+    """The readout that vague motion and what is usual of cameras make likeliest, and its deviation, s; None where the motion shows less
+    than what is usual, or rather that there is none, as of a clip whose rows were put straight already.
 
     It is the mean of both Gaussians' product between 0 and the frame's period, for no camera reads longer.
     """
     mean, spread = usual.READOUT * period, usual.READOUT_SPREAD * period
-    if shown is None or shown.readout <= 0 or shown.std > spread:  # the motion says less than what is usual
+    if shown is None or shown.readout <= 0 or shown.std > spread:
+        return None, 0.0
+    if norm.pdf(shown.readout, 0, shown.std) > norm.pdf(shown.readout, mean, np.hypot(spread, shown.std)):
         return None, 0.0
     readouts = np.linspace(0, period, _READOUTS)
     density = np.exp(-(((readouts - shown.readout) / shown.std) ** 2 + ((readouts - mean) / spread) ** 2) / 2)
@@ -216,6 +228,7 @@ class _Readout:
     deviation: float = 0.0  # s, where it is no more than what is usual of cameras and motion together make likeliest
     unclear: tuple[str, ...] = ()  # why that is so
     direction: Direction | None = None  # where it plainly is another one than scanlines were counted in
+    stabilised: bool = False  # whether the frames were shifted after they were read
 
 
 def _readout(run: Run, period: float, direction: Direction, near: float | None = None, astray: float = ASTRAY) -> _Readout:
@@ -226,7 +239,7 @@ def _readout(run: Run, period: float, direction: Direction, near: float | None =
         seconds, deviation = with_usual(error.likeliest, period)
         backwards = error.likeliest is not None and error.likeliest.readout < -max(SURELY * error.likeliest.std, LEAST_CONTRARY * period)
         turned = direction.opposite if backwards else None
-        return _Readout(seconds=seconds, deviation=deviation, unclear=(f"readout: {error}",), direction=turned)
+        return _Readout(seconds=seconds, deviation=deviation, unclear=(f"readout: {error}",), direction=turned, stabilised=isinstance(error, StabilisedError))
     if found.direction in (None, direction) or found.readout < LEAST_CONTRARY * period:
         return _Readout(seconds=round(found.readout, DECIMALS))
     return _Readout(seconds=None, unclear=(f"readout: its motion shows that it runs {found.direction}",), direction=found.direction)

@@ -86,7 +86,7 @@ def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ig
 
 def _gathered(treatment: Treatment, frames: Iterable[Frame], observe: Observer, *, blur: bool = True) -> Run:
     run = clip_motion.gather(frames, treatment.camera, treatment.settings, observe, blur=blur)
-    return replace(run, exposure_shown=treatment.exposure_shown, toned=not treatment.readout_guessed)
+    return replace(run, exposure_shown=treatment.exposure_shown, readout_guessed=treatment.readout_guessed)
 
 
 def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe: Observer = ignore) -> Iterator[FrameResult]:

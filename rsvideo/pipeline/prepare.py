@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
-from rsvideo.config.request import Camera, Deblur, Measured, Motion, Request
+from rsvideo.config.request import Camera, Deblur, Motion, Request
 from rsvideo.frame import SMALLEST, Frame
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
@@ -175,7 +175,7 @@ def measured(request: Request, take: Taken, frames: Callable[[], Iterable[Frame]
         if (request.preview or not ours) and not measuring.unstated(request.camera, take.shutter):
             return request, take
         if request.preview:  # which shows what is assumed; a job measures it
-            return request, measuring.settled(take, Measured())
+            return request, measuring.unmeasured(take, request.camera)
         request = request.replaced(measured=measuring.of_frames(take, request.camera, frames))
     return request, measuring.settled(take, request.measured)
 
@@ -196,7 +196,7 @@ def _unclear(request: Request, shutter: timing.Resolved) -> tuple[str, ...]:
     if request.measured is None or not any(fact.assumed for fact in (shutter.exposure, shutter.readout)):
         return ()
     named = (("exposure", shutter.exposure), ("readout", shutter.readout))
-    taken = ", ".join(f"{name} {1e3 * fact.value:.3g} ms" for name, fact in named if fact.assumed)
+    taken = ", ".join(f"{name} {1e3 * fact.value:.3g} ms" if fact.value else f"no {name}" for name, fact in named if fact.assumed)
     return (f"the clip does not show all of its timing ({'; '.join(request.measured.unclear)}): {taken} is assumed",)
 
 

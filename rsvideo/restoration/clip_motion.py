@@ -57,6 +57,7 @@ STILL = 0.05  # of that before or behind it, below which the points of a picture
 BLURRED = 2.5  # px an exposure, from which on blur adds to what tracks show
 SPARE = 4  # evaluations beyond one a step, for line searches
 TOLERANCE = 1e-6  # relative fall of the objective that ends L-BFGS
+AT_ONCE = 0.01  # of the exposure, a readout up to which scanlines are displaced alike
 COLS = 480  # with most texture, from which a clip's blur is measured
 
 
@@ -78,7 +79,7 @@ class Run:
     pictures: Int[np.ndarray, " pictures"]  # which of the frames each picture of the clip shows: some repeat the one before
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
     seeming: Float[np.ndarray, " frames"] | None = None  # s, exposures with softness, with which frames come into focus; None: their own
-    toned: bool = True  # whether points may show tones: not with a readout that is no more than a guess
+    readout_guessed: bool = False  # whether the readout is no more than a guess; points show no tones then
     misfits: dict[int, Float[np.ndarray, " tried"]] = field(default_factory=dict)  # of frames, to exposures, whatever is believed
 
     @property
@@ -257,7 +258,7 @@ def _link(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows
 
 def path_from_tracks(run: Run, about: CameraPath | None = None) -> CameraPath:
     """The path that the points between the frames show; with a path that is given already, the one `about` it."""
-    return follow(run.links, run.begins, run.camera, run.axes, about=about, toned=run.toned)
+    return follow(run.links, run.begins, run.camera, run.axes, about=about, toned=not run.readout_guessed)
 
 
 def refined_by_blur(run: Run, path: CameraPath, frames: Bool[np.ndarray, " frames"]) -> CameraPath:
@@ -337,7 +338,7 @@ def evidence(run: Run, path: CameraPath, *, share: float, focused: Spline | None
     speeds = [float(np.median(np.linalg.norm(moved, axis=1) / elapsed)) if len(moved) else 0.0 for moved, elapsed in beyond]
     around = np.array([0.0, *speeds, 0.0])  # between the frames, and at both ends
     coherent = run.exposures * np.maximum(around[:-1], around[1:])
-    certain = certainties(path, run.begins, run.tied, run.camera.timing)
+    certain = _certainties(run, path)
     of_blur = blur_certainties(path, run.begins, run.camera.timing)
     shares = share * blur_share(of_blur)
     return [
@@ -355,6 +356,14 @@ def evidence(run: Run, path: CameraPath, *, share: float, focused: Spline | None
             zip(_flows(run, beyond), coherent, shares, certain, of_blur, strict=True)
         )
     ]
+
+
+def _certainties(run: Run, path: CameraPath) -> Float[np.ndarray, " frames"]:
+    """How surely each frame's scanlines are displaced as a path says; where they are exposed at once, whether that is known."""
+    timing = run.camera.timing
+    if timing.readout <= AT_ONCE * timing.exposure:
+        return np.full(len(run.begins), 0.0 if run.readout_guessed else 1.0)
+    return certainties(path, run.begins, run.tied, timing)
 
 
 def beside(run: Run, path: CameraPath) -> list[Flow | None]:

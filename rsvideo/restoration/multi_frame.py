@@ -150,8 +150,13 @@ def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: S
         share = evidence.share * followed
     if np.mean(share) < LEAST_SHARE:
         verdict = Verdict.DISAGREES if length > LONG and not (evidence and evidence.share) else Verdict.STRAIGHTENED
-        return _Judged(verdict=verdict, moved=moved, length=length)
+        return _Judged(verdict=_without_readout(view) or verdict, moved=moved, length=length)
     return _Judged(verdict=Verdict.RESTORED, moved=moved, length=length, share=share)
+
+
+def _without_readout(view: View) -> Verdict | None:
+    """The verdict of a frame that is not deblurred, where it has nothing to straighten either."""
+    return Verdict.LEFT if view.camera.timing.row_time == 0 else None
 
 
 def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.ndarray, settings: Settings, *, draft: bool) -> _Waiting:
@@ -164,7 +169,7 @@ def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.nda
         return _Waiting(restored=left)
     if verdict is Verdict.SHARP:
         return _Waiting(restored=left, image=PosedImage(latent=view.pixels, pose=pose, length=length))
-    if verdict.straightened:
+    if verdict.straightened or verdict is Verdict.LEFT:
         straight = _straight(view, path, evidence, moved, settings.device)
         done = replace(left, latent=straight, seconds=time.monotonic() - started)
         return _Waiting(restored=done, image=PosedImage(latent=straight, pose=pose, length=length) if length < SHARP_ENOUGH else None)
@@ -253,7 +258,8 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
                     evidence = replace(evidence, certainty=evidence.certainty * borne_out(found, image.length))
             agreed = agreed * agreement(both.explained, both.shown, both.astray, evidence.certainty)
             waiting = replace(waiting, evidence=evidence, share=waiting.share * agreed[..., None], own=both.support)
-            verdict = verdict if np.mean(waiting.share, dtype=np.float32) >= LEAST_SHARE else Verdict.STRAIGHTENED
+            if np.mean(waiting.share, dtype=np.float32) < LEAST_SHARE:
+                verdict = _without_readout(view) or Verdict.STRAIGHTENED
     elif waiting.draft:
         flow = waiting.evidence and waiting.evidence.flow
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent

@@ -120,13 +120,13 @@ def _from_blur(measured: Measured, fps: float) -> Fact[float]:
             return Fact(
                 value=measured.most, source="assumed, the longest that the clip's blur allows", within=(0.0, measured.most), assumed=True
             )
-        return _mild(fps)
+        return mild(fps)
     sharp, spread = measured.sharp or measured.exposure, 2 * measured.deviation
     return Fact(value=sharp, source=_BY_BLUR, within=(min(measured.least or sharp, sharp - spread), measured.exposure + spread))
 
 
-def _mild(fps: float) -> Fact[float]:
-    """Of an exposure or a readout that nothing shows."""
+def mild(fps: float) -> Fact[float]:
+    """An exposure that nothing shows, or a readout that was not looked for."""
     return Fact(value=usual.MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
 
 
@@ -212,6 +212,8 @@ def _contrary(stated: Fact[float], given: Camera, sources: Sources) -> tuple[str
     words: tuple[str, ...] = ()
     if shown.contrary is not None:
         words = (f"the clip's motion shows a readout of {ms(shown.contrary)}; is it that? {ms(stated.value)} is taken as given",)
+    if shown.stabilised:
+        words += (f"the clip's motion does not go on within its frames; was it stabilised? {ms(stated.value)} is taken as given",)
     if shown.direction not in (None, direction):
         words += (f"the clip's motion shows that its readout runs {shown.direction}; is it that? {direction} is taken as given",)
     return words
@@ -219,7 +221,7 @@ def _contrary(stated: Fact[float], given: Camera, sources: Sources) -> tuple[str
 
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
-        return _mild(fps)
+        return Fact(value=0.0, source="assumed, since the clip's motion shows none", within=(0.0, 1 / fps), assumed=True)
     if spread := 2 * measured.readout_deviation:
         within = max(0.0, measured.readout - spread), measured.readout + spread
         return Fact(value=measured.readout, source="the likeliest by the clip's motion", within=within, assumed=True)

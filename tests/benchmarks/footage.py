@@ -51,6 +51,11 @@ def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
     return Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
 
 
+def facts_of(case: Path) -> dict:
+    """What is true of a case."""
+    return json.loads((case / "case.json").read_text())
+
+
 def along_sides(image: np.ndarray, truth: np.ndarray) -> float:
     """PSNR in dB of the SIDES px along the border, where neighbours often do not show what a frame shows."""
     inner = np.zeros(truth.shape[:2], bool)
@@ -60,7 +65,7 @@ def along_sides(image: np.ndarray, truth: np.ndarray) -> float:
 
 def rows_of(case: Path, ways: list[str], folder: Path) -> list[tuple[dict, np.ndarray]]:
     """The figures of a case, way by way, with the gain of each frame."""
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     truth, before = (luma(case / name) for name in ("truth.mp4", "clip.mp4"))
     blur = np.array(facts.get("blur_px", [facts["blur_extent_px"]] * len(truth)))
     settled: dict[tuple[float, float, bool], tuple[np.ndarray, float, list[str], tuple[str, ...]]] = {}

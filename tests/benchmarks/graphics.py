@@ -14,6 +14,7 @@ rsvideo.restoration than the present ones: with overlay.FEWEST=1000 nothing is f
 import argparse
 import shutil
 import sys
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -60,6 +61,20 @@ def drawn(luma_codes: np.ndarray, over: str, seconds: float) -> np.ndarray:
 
 def draw(source: Path, output: Path, over: str, quality: int) -> None:
     """The clip with graphics over it."""
+    rate = float(probe(source).rate)
+
+    def with_graphics(k: int, planes: Sequence[np.ndarray]) -> list[np.ndarray]:
+        shown = [drawn(planes[0], over, k / rate), *planes[1:]]
+        for c in (1, 2):
+            small = cv2.resize((shown[0] != planes[0]).astype(np.uint8), planes[c].shape[::-1], interpolation=cv2.INTER_AREA)
+            shown[c] = np.where(small > 0, 128, planes[c]).astype(np.uint8)
+        return shown
+
+    encoded_anew(source, output, with_graphics, quality)
+
+
+def encoded_anew(source: Path, output: Path, change: Callable[[int, Sequence[np.ndarray]], Sequence[np.ndarray]], quality: int) -> None:
+    """The clip with planes that are made of each picture's number and its planes; by H.264, at one rate."""
     stream = probe(source)
     with av.open(str(output), "w") as file:
         video = file.add_stream("libx264", rate=Fraction(stream.rate), options={"crf": str(quality)})
@@ -68,12 +83,7 @@ def draw(source: Path, output: Path, over: str, quality: int) -> None:
         context = video.codec_context
         context.color_primaries, context.color_trc, context.colorspace, context.color_range = stream.colour.h273
         for k, picture in enumerate(pictures(stream)):
-            planes = list(picture.planes)
-            planes[0] = drawn(planes[0], over, k / float(stream.rate))
-            for c in (1, 2):
-                small = cv2.resize((planes[0] != picture.planes[0]).astype(np.uint8), planes[c].shape[::-1], interpolation=cv2.INTER_AREA)
-                planes[c] = np.where(small > 0, 128, planes[c]).astype(np.uint8)
-            stacked = np.concatenate([plane.ravel() for plane in planes]).reshape(-1, stream.cols)
+            stacked = np.concatenate([plane.ravel() for plane in change(k, picture.planes)]).reshape(-1, stream.cols)
             frame = VideoFrame.from_ndarray(stacked, format="yuv420p")
             frame.pts, frame.time_base, frame.color_range = k, 1 / Fraction(stream.rate), stream.colour.h273[3]
             file.mux(video.encode(frame))

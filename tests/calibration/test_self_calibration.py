@@ -7,8 +7,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from calibration.timing import self_calibration
-from calibration.timing.cannot_tell import CannotTellError
-from calibration.timing.pair_motion import Pair, summarise
+from calibration.timing.cannot_tell import CannotTellError, StabilisedError
+from calibration.timing.pair_motion import TERMS, Pair, summarise
 from calibration.timing.path_evidence import PathFit, chunked
 from calibration.timing.self_calibration import Explained, explain
 from rsvideo.physics.shake import shake
@@ -161,6 +161,33 @@ def test_a_readout_with_likely_others_is_less_certain() -> None:
     alone, both = (self_calibration._spread(best, others, 100, 1.0) for others in ([near], [near, far]))
     assert alone == pytest.approx(0.002 * np.exp(-1))
     assert alone < both < self_calibration._spread(best, [near, far], 100, 4.0)
+
+
+def stabilised(pairs: list[Pair]) -> list[Pair]:
+    """The same, if each frame is shifted so that the picture stays where it is."""
+    shift, out = np.zeros(2), []
+    for pair in pairs:
+        further = shift + np.median(pair.after - pair.before, axis=0)
+        out.append(Pair(before=pair.before - shift, after=pair.after - further, begins=pair.begins))
+        shift = further
+    return out
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long), pytest.param(4, marks=pytest.mark.long)])
+def test_frames_that_were_shifted_after_they_were_read_show_no_readout(seed: int) -> None:
+    pairs = film(0.022, seed=seed)
+    with pytest.raises(StabilisedError, match="was it stabilised") as told:
+        found(stabilised(pairs))
+    assert told.value.likeliest is None
+    assert found(pairs).readout == pytest.approx(0.022, rel=0.05)
+
+
+def test_a_shift_of_each_pair_adds_its_variance_to_the_mean_displacements_alone() -> None:
+    chunk = chunked(summarise(film(0.014, frames=4, points=80), ROWS, COLS), ROWS)[0]
+    hyper = np.log([10.0, 0.1, 1.0])
+    without, shifted = (replace(chunk, shift=shift)._covariances(0.014 / ROWS, hyper)[2] for shift in (0.0, 5.0))
+    constant = np.arange(len(without)) % TERMS == 0
+    assert shifted - without == pytest.approx(25.0 * np.diag(constant.astype(float)))
 
 
 def test_points_that_are_too_few_say_nothing() -> None:

@@ -28,7 +28,7 @@ PERIOD = 1 / 30
 
 
 @pytest.mark.parametrize(
-    "shown", [Likeliest(readout=0.006, std=0.004), Likeliest(readout=0.020, std=0.002), Likeliest(readout=0.038, std=0.003)]
+    "shown", [Likeliest(readout=0.010, std=0.004), Likeliest(readout=0.020, std=0.002), Likeliest(readout=0.038, std=0.003)]
 )
 def test_a_vague_readout_is_drawn_to_the_usual_one_and_never_beyond_a_period(shown: Likeliest) -> None:
     usual, spread = READOUT * PERIOD, READOUT_SPREAD * PERIOD
@@ -38,7 +38,9 @@ def test_a_vague_readout_is_drawn_to_the_usual_one_and_never_beyond_a_period(sho
     assert with_usual(shown, PERIOD) == pytest.approx((product.mean(), product.std()), abs=1e-5)
 
 
-@pytest.mark.parametrize("shown", [None, Likeliest(readout=-0.01, std=0.002), Likeliest(readout=0.03, std=0.011)])
+@pytest.mark.parametrize(
+    "shown", [None, Likeliest(readout=-0.01, std=0.002), Likeliest(readout=0.03, std=0.011), Likeliest(readout=0.003, std=0.004)]
+)
 def test_no_readout_is_assumed_by_motion_that_shows_none_in_this_direction_or_less_than_is_usual(shown: Likeliest | None) -> None:
     assert with_usual(shown, PERIOD) == (None, 0.0)
 

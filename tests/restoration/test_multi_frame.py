@@ -85,6 +85,28 @@ def test_motion_comes_back_in_image_axes_whichever_way_the_rows_are_read(directi
             assert np.sqrt(((wrong + true) ** 2).sum(axis=1).mean()) > 2
 
 
+@pytest.mark.parametrize("guessed", [False, True])
+def test_scanlines_that_are_exposed_at_once_are_certain_unless_that_is_a_guess(guessed: bool) -> None:
+    moving = Moving(frames=3, readout=0.0, reach=9.0)
+    run = replace(gather(moving.recorded, moving.camera, Settings()), readout_guessed=guessed)
+    beside = of_run(run).beside
+    assert [each.certainty for each in beside if each] == [0.0 if guessed else 1.0] * 3
+    rolling = replace(moving, readout=0.01)
+    others = of_run(gather(rolling.recorded, rolling.camera, Settings())).beside
+    assert all(0 < each.certainty < 1 for each in others if each)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("readout", [0.0, 0.01])
+def test_a_frame_that_is_not_deblurred_is_left_where_it_has_no_readout(readout: float) -> None:
+    moving = Moving(frames=3, readout=readout, reach=9.0)
+    path = movement(moving.recorded, moving.camera, Settings())
+    doubted = replace(path, evidence=[each and replace(each, share=0.0) for each in path.beside])
+    done = list(multi_frame.restored(moving.recorded, doubted, moving.camera, Settings(frames="alone", prior="tv")))
+    assert all(each.verdict.straightened if readout else each.verdict is Verdict.LEFT for each in done)
+    assert all(each.verdict.changed == (readout > 0) for each in done)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("times", "verdict"), [(1.0, Verdict.RESTORED), (2.0, Verdict.DISAGREES)])
 def test_frames_are_deblurred_only_where_their_blur_shows_the_exposure(times: float, verdict: Verdict) -> None:

@@ -201,9 +201,9 @@ def test_what_is_measured_is_taken_without_softness() -> None:
     assert "is it 1/286 s? 3.5 ms is taken" in note
 
 
-def test_what_cannot_be_measured_is_assumed_short() -> None:
+def test_what_cannot_be_measured_is_assumed_short_or_none() -> None:
     found = resolve(Camera(), replace(NOTHING, measured=Measured(unclear=("too little blur",))))
-    assert (found.exposure.value, found.readout.value) == (0.01, 0.01)
+    assert (found.exposure.value, found.readout.value) == (0.01, 0.0)
     assert all(fact.assumed for fact in (found.exposure, found.readout))
 
 
@@ -247,6 +247,14 @@ def test_motion_tells_the_direction_where_nobody_states_it_and_contradicts_one_t
     found = resolve(Camera(direction=stated, readout=0.02), shown)
     assert found.direction.value is found.timing.direction is (stated or Direction.BOTTOM_TO_TOP)
     assert any("its readout runs bottom-to-top" in note for note in found.notes) == (stated is Direction.TOP_TO_BOTTOM)
+
+
+def test_a_stated_readout_of_a_stabilised_clip_is_taken_and_the_user_is_told() -> None:
+    shown = replace(NOTHING, measured=Measured(exposure=0.004, readout=0.02, stabilised=True))
+    found = resolve(Camera(readout=0.02), shown)
+    assert found.readout.value == 0.02
+    assert any("was it stabilised? 20 ms is taken as given" in note for note in found.notes)
+    assert not any("stabilised" in note for note in resolve(Camera(), shown).notes)
 
 
 def test_softness_explains_a_shorter_exposure_and_the_user_is_told() -> None:

@@ -9,7 +9,7 @@ const svg = (name, attributes) => {
 };
 export const kind = (verdict) =>
   /^(restored|deblurred)/.test(verdict) ? "restored" : verdict.startsWith("straightened") ? "straight"
-    : verdict.includes("sharp already") || verdict.includes("no restoration") ? "left" : "wrong";
+    : verdict.includes("sharp already") || verdict.includes("no readout") || verdict.includes("no restoration") ? "left" : "wrong";
 const NAMES = { restored: "restored", straight: "straightened only", left: "left as it was", wrong: "not explained, damaged or without texture" };
 
 export function drawn(box, legend, strip, frames) {
