@@ -22,6 +22,10 @@ class CannotTellError(ValueError):
         self.likeliest = likeliest
 
 
+class TooFewPointsError(CannotTellError):
+    """No readout was tried, since too few points could be followed."""
+
+
 class StabilisedError(CannotTellError):
     """The frames were shifted after they were read, so that their motion does not go on within them."""
 

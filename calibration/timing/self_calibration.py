@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError
+from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError, TooFewPointsError
 from calibration.timing.pair_motion import FEWEST_POINTS, Pair, summarise
 from calibration.timing.path_evidence import Chunk, PathFit, chunked, curvature, fit_path, likeliest, with_tones
 from rsvideo.physics.shutter import Direction
@@ -69,7 +69,7 @@ def explain(
     """
     motions = summarise(pairs, rows, cols)
     if len(motions) < FEWEST_PAIRS:
-        raise CannotTellError(
+        raise TooFewPointsError(
             f"only {len(motions)} pairs of frames have {FEWEST_POINTS} points that could be followed, {FEWEST_PAIRS} are needed;"
             " film something with texture in the whole frame"
         )

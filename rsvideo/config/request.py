@@ -282,6 +282,11 @@ class Measured(BaseModel):
     focal_deviation: float = 0.0  # of its logarithm
     unclear: tuple[str, ...] = ()  # why what is None, or uncertain, could not be measured
 
+    @property
+    def readout_guessed(self) -> bool:
+        """Whether nobody states the readout, and the clip shows not even a likely one: it may be anything, and 0 or unknown here."""
+        return self.readout is None or (self.readout == 0 and self.readout_deviation > 0)
+
 
 class Request(Sections):
     """One photograph or clip, what it becomes, and how."""

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import norm
 
 from calibration.intrinsics.from_motion import VAGUE, Focal, focal_length
-from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError
+from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError, TooFewPointsError
 from calibration.timing.pair_motion import Pair
 from calibration.timing.self_calibration import ASTRAY, LESS_ASTRAY, explain
 from rsvideo.config.request import Camera as Stated
@@ -105,13 +105,6 @@ def with_measured(take: Opened, given: Stated) -> Opened:
     return settled(replace(take, notes=(*take.notes, *unclear)), found)
 
 
-def unmeasured(take: Taken, given: Stated) -> Taken:
-    """The take of which nothing is measured: what nobody states is mild."""
-    assert take.shutter.fps is not None
-    readout = timing.mild(take.shutter.fps) if readout_unknown(given, take.shutter) else take.shutter.readout
-    return settled(replace(take, shutter=replace(take.shutter, readout=readout)), Measured())
-
-
 def settled(take: Taken, found: Measured | None) -> Taken:
     """The take with what its frames have shown."""
     focal = take.focal
@@ -165,9 +158,10 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         if rough.unclear and not readout.unclear:
             found = exposure.measured(exposed, period)
     unclear += readout.unclear
+    none = readout.seconds is None and readout.tried and readout.direction is None
     shown = Measured(
-        readout=readout.seconds,
-        readout_deviation=readout.deviation,
+        readout=0.0 if none else readout.seconds,
+        readout_deviation=usual.READOUT * period if none else readout.deviation,
         direction=shown.direction,
         stabilised=shown.stabilised,
         contrary=None if unknown else _contrary(shown, readout, period),
@@ -224,11 +218,12 @@ def _pairs(run: Run) -> list[Pair]:
 class _Readout:
     """What a clip's motion says of its readout."""
 
-    seconds: float | None  # None where it says nothing
+    seconds: float | None  # None where it says nothing, or shows that there is none
     deviation: float = 0.0  # s, where it is no more than what is usual of cameras and motion together make likeliest
     unclear: tuple[str, ...] = ()  # why that is so
     direction: Direction | None = None  # where it plainly is another one than scanlines were counted in
     stabilised: bool = False  # whether the frames were shifted after they were read
+    tried: bool = True  # whether points were enough to try any
 
 
 def _readout(run: Run, period: float, direction: Direction, near: float | None = None, astray: float = ASTRAY) -> _Readout:
@@ -239,7 +234,14 @@ def _readout(run: Run, period: float, direction: Direction, near: float | None =
         seconds, deviation = with_usual(error.likeliest, period)
         backwards = error.likeliest is not None and error.likeliest.readout < -max(SURELY * error.likeliest.std, LEAST_CONTRARY * period)
         turned = direction.opposite if backwards else None
-        return _Readout(seconds=seconds, deviation=deviation, unclear=(f"readout: {error}",), direction=turned, stabilised=isinstance(error, StabilisedError))
+        return _Readout(
+            seconds=seconds,
+            deviation=deviation,
+            unclear=(f"readout: {error}",),
+            direction=turned,
+            stabilised=isinstance(error, StabilisedError),
+            tried=not isinstance(error, TooFewPointsError),
+        )
     if found.direction in (None, direction) or found.readout < LEAST_CONTRARY * period:
         return _Readout(seconds=round(found.readout, DECIMALS))
     return _Readout(seconds=None, unclear=(f"readout: its motion shows that it runs {found.direction}",), direction=found.direction)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rsvideo.config import media, names, sidecar
 from rsvideo.config.files import UnreadableError
 from rsvideo.config.method import Method
-from rsvideo.config.request import Camera, Deblur, Motion, Request
+from rsvideo.config.request import Camera, Deblur, Measured, Motion, Request
 from rsvideo.frame import SMALLEST, Frame
 from rsvideo.physics import camera as physics
 from rsvideo.physics.camera import Intrinsics
@@ -175,7 +175,7 @@ def measured(request: Request, take: Taken, frames: Callable[[], Iterable[Frame]
         if (request.preview or not ours) and not measuring.unstated(request.camera, take.shutter):
             return request, take
         if request.preview:  # which shows what is assumed; a job measures it
-            return request, measuring.unmeasured(take, request.camera)
+            return request, measuring.settled(take, Measured())
         request = request.replaced(measured=measuring.of_frames(take, request.camera, frames))
     return request, measuring.settled(take, request.measured)
 
@@ -281,7 +281,7 @@ def _frames_and_encoding(request: Request, opened: Opened) -> "tuple[int, int, E
 def treatment(request: Request, settings: Settings, shutter: timing.Resolved, camera: sidecar.Camera) -> Treatment:
     """What a request says is done, by its settings and what was measured, to pictures that were taken so; but for a gyroscope's log."""
     found = request.measured
-    guessed = bool(found and found.readout is None)  # nobody states the readout, and the job's frames show not even a likely one
+    guessed = bool(found and found.readout_guessed)
     return Treatment(
         method=request.deblur.method,
         settings=settings,

@@ -120,13 +120,13 @@ def _from_blur(measured: Measured, fps: float) -> Fact[float]:
             return Fact(
                 value=measured.most, source="assumed, the longest that the clip's blur allows", within=(0.0, measured.most), assumed=True
             )
-        return mild(fps)
+        return _mild(fps)
     sharp, spread = measured.sharp or measured.exposure, 2 * measured.deviation
     return Fact(value=sharp, source=_BY_BLUR, within=(min(measured.least or sharp, sharp - spread), measured.exposure + spread))
 
 
-def mild(fps: float) -> Fact[float]:
-    """An exposure that nothing shows, or a readout that was not looked for."""
+def _mild(fps: float) -> Fact[float]:
+    """Of an exposure that nothing shows, or a readout that was not looked for."""
     return Fact(value=usual.MILD / fps, source="assumed, a quarter of a frame's period", within=(0.0, 1 / fps), assumed=True)
 
 
@@ -221,10 +221,11 @@ def _contrary(stated: Fact[float], given: Camera, sources: Sources) -> tuple[str
 
 def _from_motion(measured: Measured, fps: float) -> Fact[float]:
     if measured.readout is None:
-        return Fact(value=0.0, source="assumed, since the clip's motion shows none", within=(0.0, 1 / fps), assumed=True)
+        return _mild(fps)
     if spread := 2 * measured.readout_deviation:
         within = max(0.0, measured.readout - spread), measured.readout + spread
-        return Fact(value=measured.readout, source="the likeliest by the clip's motion", within=within, assumed=True)
+        source = "assumed, since the clip's motion shows none" if measured.readout_guessed else "the likeliest by the clip's motion"
+        return Fact(value=measured.readout, source=source, within=within, assumed=True)
     return Fact(value=measured.readout, source=_BY_MOTION)
 
 

@@ -201,10 +201,18 @@ def test_what_is_measured_is_taken_without_softness() -> None:
     assert "is it 1/286 s? 3.5 ms is taken" in note
 
 
-def test_what_cannot_be_measured_is_assumed_short_or_none() -> None:
+def test_what_cannot_be_measured_is_assumed_short() -> None:
     found = resolve(Camera(), replace(NOTHING, measured=Measured(unclear=("too little blur",))))
-    assert (found.exposure.value, found.readout.value) == (0.01, 0.0)
+    assert (found.exposure.value, found.readout.value) == (0.01, 0.01)
     assert all(fact.assumed for fact in (found.exposure, found.readout))
+
+
+def test_no_readout_is_taken_where_motion_shows_none() -> None:
+    shown = Measured(readout=0.0, readout_deviation=0.02, unclear=("readout: was it stabilised?",))
+    found = resolve(Camera(), replace(NOTHING, measured=shown)).readout
+    assert (found.value, found.assumed, found.within, shown.readout_guessed) == (0.0, True, (0.0, 0.04), True)
+    assert "shows none" in found.source
+    assert not Measured(readout=0.0).readout_guessed  # of a global shutter that was measured
 
 
 def test_a_readout_that_is_only_likely_is_assumed_within_its_spread() -> None:
