@@ -35,7 +35,8 @@ from rsvideo.video.stream import Stream
 FRAMES = 40  # from the middle of what is restored
 CONTRARY = 0.25  # of the longer one of a stated readout and one that motion plainly shows, by which they differ if one is wrong
 LEAST_CONTRARY = 0.05  # of a frame's period, the same, and the least that tells a direction; plain ones were off by 0.04 of it at most
-SURELY = 3.0  # deviations from 0, by which a readout that is likeliest and too uncertain for an answer runs in the opposite direction
+SURELY = 6.0  # deviations from 0, by which a readout that is likeliest and too uncertain for an answer runs in the opposite direction:
+# of upside-down clips 9 and more, of stabilised ones 3 to 4
 _READOUTS = 2001  # steps of a frame's period, in which the density of a readout is averaged
 DECIMALS = 6  # of seconds, and of px, so that a clip that is measured again gives the same
 
