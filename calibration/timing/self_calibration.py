@@ -84,8 +84,7 @@ def explain(
     _refuse_stabilised(chunks, best, rows, cols, period)
     readout = best.row_time * rows
     of_readout, std, disagreement = _uncertainty(chunks, best, rows, spacing, astray)
-    distance = max(_NEAR_STEPS * spacing, _NEAR_STD * std)
-    others = [fit for fit in fits if abs(fit.row_time * rows - readout) > distance]
+    others = [fit for fit in fits if abs(fit.row_time * rows - readout) > max(_NEAR_STEPS * spacing, _NEAR_STD * std)]
     is_global = abs(readout) < _GLOBAL * std
     spread = _spread(best, others, rows, disagreement)
     found = Likeliest(readout=readout, std=float(np.hypot(std, spread))) if std < period else None
@@ -98,8 +97,8 @@ def explain(
     if best.value - max((fit.value for fit in others), default=np.inf) < _RIVAL:
         raise CannotTellError(f"readouts far from {1e3 * abs(readout):.3g} ms explain its motion nearly as well; film for longer", found)
     if not is_global and std > _VAGUE * abs(readout):
-        given = f"{1e3 * abs(readout):.2g} ms give or take {1e3 * std:.2g} ms"
-        raise CannotTellError(f"its motion shows only that the readout is short, {given}", found)
+        words = f"its motion shows only that the readout is short, {1e3 * abs(readout):.2g} ms give or take {1e3 * std:.2g} ms"
+        raise CannotTellError(words, found)
     _report(observer, 1.0)
     return Explained(
         readout=abs(readout),

@@ -124,8 +124,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
     """
     assert sources.fps is not None
     period, rows, cols = 1 / sources.fps, sources.rows, sources.cols
-    assumed = timing.direction_of(given, sources)
-    direction = assumed.value
+    direction = (assumed := timing.direction_of(given, sources)).value
     half = usual.READOUT * period  # with which points are followed until both are measured
 
     def camera(readout: float, focal: float) -> Camera:
@@ -159,10 +158,9 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         if rough.unclear and not readout.unclear:
             found = exposure.measured(exposed, period)
     unclear += readout.unclear
-    none = readout.seconds is None and readout.tried and readout.direction is None
     shown = Measured(
-        readout=0.0 if none else readout.seconds,
-        readout_deviation=usual.READOUT * period if none else readout.deviation,
+        readout=readout.taken,
+        readout_deviation=readout.deviation,
         direction=shown.direction,
         stabilised=shown.stabilised,
         contrary=None if unknown else _contrary(shown, readout, period),
@@ -220,11 +218,15 @@ class _Readout:
     """What a clip's motion says of its readout."""
 
     seconds: float | None  # None where it says nothing, or shows that there is none
-    deviation: float = 0.0  # s, where it is no more than what is usual of cameras and motion together make likeliest
+    deviation: float = 0.0  # s, where it is no more than what is usual of cameras and motion together make likeliest, or shows none
     unclear: tuple[str, ...] = ()  # why that is so
     direction: Direction | None = None  # where it plainly is another one than scanlines were counted in
     stabilised: bool = False  # whether the frames were shifted after they were read
-    tried: bool = True  # whether points were enough to try any
+
+    @property
+    def taken(self) -> float | None:
+        """The same, s: 0 where the motion shows that there is none."""
+        return 0.0 if self.seconds is None and self.deviation else self.seconds
 
 
 def _readout(run: Run, period: float, direction: Direction, near: float | None = None, astray: float = ASTRAY) -> _Readout:
@@ -234,14 +236,14 @@ def _readout(run: Run, period: float, direction: Direction, near: float | None =
     except CannotTellError as error:
         seconds, deviation = with_usual(error.likeliest, period)
         backwards = error.likeliest is not None and error.likeliest.readout < -max(SURELY * error.likeliest.std, LEAST_CONTRARY * period)
-        turned = direction.opposite if backwards else None
+        if seconds is None and not (backwards or isinstance(error, TooFewPointsError)):
+            deviation = usual.READOUT * period
         return _Readout(
             seconds=seconds,
             deviation=deviation,
             unclear=(f"readout: {error}",),
-            direction=turned,
+            direction=direction.opposite if backwards else None,
             stabilised=isinstance(error, StabilisedError),
-            tried=not isinstance(error, TooFewPointsError),
         )
     if found.direction in (None, direction) or found.readout < LEAST_CONTRARY * period:
         return _Readout(seconds=round(found.readout, DECIMALS))

@@ -359,7 +359,7 @@ def evidence(run: Run, path: CameraPath, *, share: float, focused: Spline | None
 
 
 def _certainties(run: Run, path: CameraPath) -> Float[np.ndarray, " frames"]:
-    """How surely each frame's scanlines are displaced as a path says; where they are exposed at once, whether that is known."""
+    """How surely each frame's scanlines are displaced as a path says; where they are exposed at once, surely unless that is a guess."""
     timing = run.camera.timing
     if timing.readout <= AT_ONCE * timing.exposure:
         return np.full(len(run.begins), 0.0 if run.readout_guessed else 1.0)
