@@ -1,7 +1,7 @@
 """Film sharp clips anew at random, measure their shutter from their own frames, and print how far that is from the truth.
 
     python tests/benchmarks/measured.py CLIPS... -o FILE [--each 2] [--frames 24] [--largest-side 640] [--exposure 0.5e-3 33e-3]
-        [--seed 0] [--change 4] [--keep DIR]
+        [--readout 5e-3 30e-3] [--seed 0] [--change 4] [--keep DIR]
 
 CLIPS are footage of short exposures. Of each, `rsvideo simulate --from-clip` makes --each clips at 30 frames a second: exposure 0.5
 to 33 ms (log-uniform), readout 5 to 30 ms, 1 to 2 source frames a frame as far as the source has so many, from anywhere in it: more
@@ -57,7 +57,7 @@ def drawn(source: Path, number: int, draw: int, args: argparse.Namespace) -> Fil
     """The filming that the seeds give."""
     rng = np.random.default_rng([args.seed, number, draw, *digest(source)[:8]])
     seconds = float(np.exp(rng.uniform(*np.log(args.exposure))))
-    readout, fast, begin = float(rng.uniform(*READOUT)), rng.uniform(*SPEED), rng.uniform()
+    readout, fast, begin = float(rng.uniform(*args.readout)), rng.uniform(*SPEED), rng.uniform()
     there = decode.probe(source).frames
     timing = ShutterTiming.from_readout(exposure=seconds, readout=readout, rows=1)
     paces = [Pace(timing=timing, period=1 / RATE, speed=float(speed)) for speed in (fast, *np.linspace(fast, SPEED[0], 20))]
@@ -127,7 +127,7 @@ def summary(rows: list[dict]) -> list[dict]:
         for quantity in QUANTITIES:
             unit = "px" if quantity == "blur" else "s"
             pairs = [(row[f"{quantity}_{unit}"], row[f"{quantity}_measured_{unit}"]) for row in some]
-            errors = [abs(b / a - 1) for a, b in pairs if b is not None]
+            errors = [abs(b / a - 1) for a, b in pairs if a and b is not None]
             figures[f"{quantity}_answered"] = len(errors) / len(some) if some else None
             figures[f"{quantity}_median_error"] = float(np.median(errors)) if errors else None
             figures[f"{quantity}_p95_error"] = float(np.quantile(errors, 0.95)) if errors else None
@@ -144,6 +144,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=24, metavar="N")
     parser.add_argument("--largest-side", type=int, default=640, metavar="PX")
     parser.add_argument("--exposure", type=float, nargs=2, default=EXPOSURE, metavar=("FROM", "TO"), help="seconds")
+    parser.add_argument("--readout", type=float, nargs=2, default=READOUT, metavar=("FROM", "TO"), help="seconds")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--change", type=float, default=1.0, metavar="FACTOR")
     parser.add_argument("--keep", type=Path, metavar="DIR")
