@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import truncnorm
 
-from calibration.timing.cannot_tell import CannotTellError, Likeliest
+from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError, TooFewPointsError
 from rsvideo.config.request import Camera, Measured, Request, Sections
 from rsvideo.physics.camera import Camera as Optics
 from rsvideo.physics.camera import Intrinsics
@@ -125,6 +125,21 @@ def test_an_uncertain_readout_that_surely_runs_the_other_way_tells_the_direction
     shown = measuring._readout(gather(FILMED.recorded[:1], FILMED.camera, Settings()), PERIOD, Direction.TOP_TO_BOTTOM)
     assert shown.direction is (Direction.BOTTOM_TO_TOP if turned else None)
     assert (shown.seconds is not None) == (readout > 0)
+
+
+@pytest.mark.parametrize("error", [CannotTellError("all alike"), StabilisedError("was it stabilised"), TooFewPointsError("only 0 pairs")])
+def test_motion_that_shows_no_readout_gives_none_and_too_few_points_say_nothing(
+    error: CannotTellError, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unclear(*_args: object, **_words: object) -> None:
+        raise error
+
+    monkeypatch.setattr(measuring, "explain", unclear)
+    shown = measuring._readout(gather(FILMED.recorded[:1], FILMED.camera, Settings()), PERIOD, Direction.TOP_TO_BOTTOM)
+    assert shown.seconds is None
+    assert shown.taken == (None if isinstance(error, TooFewPointsError) else 0.0)
+    assert Measured(readout=shown.taken, readout_deviation=shown.deviation).readout_guessed
+    assert shown.stabilised == isinstance(error, StabilisedError)
 
 
 def test_a_stated_readout_is_taken_and_motion_that_plainly_shows_another_is_told() -> None:
