@@ -20,6 +20,7 @@ import argparse
 import json
 import resource
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -49,6 +50,14 @@ def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
         exposure = {"stated": true, "period": period}.get(way) or float(way) * true
         stated["camera"] = {"exposure": exposure, "readout": facts["readout_s"]}
     return Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
+
+
+def cases_of(folder: Path, only: Sequence[str] | None = None) -> list[Path]:
+    """The cases of a folder, all or `only` some; ends the program where there are none."""
+    found = sorted(f.parent for f in folder.glob("*/case.json") if not only or f.parent.name in only)
+    if not found:
+        sys.exit(f"{folder} holds no case")
+    return found
 
 
 def facts_of(case: Path) -> dict:
@@ -166,15 +175,11 @@ def main() -> None:
     args.output.mkdir(parents=True, exist_ok=True)
     try_numbers(args.set)
     rows: list[dict] = []
-    for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
-        if args.only and case.name not in args.only:
-            continue
+    for case in cases_of(args.cases, args.only):
         for row, gain in rows_of(case, args.exposure, args.output):
             rows.append(row)
             if worst := [f"{k}: {gain[k]:.2f}" for k in np.argsort(gain) if gain[k] < -HARMED]:
                 print(f"{row['clip']} {row['exposure']}, dB of harmed frames: {', '.join(worst)}", file=sys.stderr, flush=True)
-    if not rows:
-        sys.exit(f"{args.cases} holds no case")
     print()
     published.print_rows(rows)
     published.print_rows(summaries := summary(rows, args.exposure))

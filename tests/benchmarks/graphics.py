@@ -13,7 +13,6 @@ rsvideo.restoration than the present ones: with overlay.FEWEST=1000 nothing is f
 
 import argparse
 import shutil
-import sys
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -146,9 +145,7 @@ def main() -> None:
     parser.add_argument("--set", nargs="+", default=[], metavar="ROOM.NUMBER=VALUE")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    cases = sorted(f.parent for f in args.cases.glob("*/case.json") if not args.only or f.parent.name in args.only)
-    if not cases:
-        sys.exit(f"{args.cases} holds no case")
+    cases = footage.cases_of(args.cases, args.only)
     footage.try_numbers(args.set)
     rows: list[dict] = []
     for over in args.over:

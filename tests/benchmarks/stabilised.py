@@ -11,7 +11,6 @@ stay displaced by motion that the path no longer shows. case.json is copied as i
 
 import argparse
 import shutil
-import sys
 from collections.abc import Sequence
 from functools import partial
 from itertools import pairwise
@@ -19,10 +18,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from footage import facts_of
+from footage import cases_of, facts_of, request_of
 from graphics import encoded_anew
 
-from rsvideo.config.request import Request, Sections
+from rsvideo.config.method import Method
 from rsvideo.pipeline import deblur
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import ignore
@@ -78,13 +77,7 @@ def warped(found: Sequence[np.ndarray], k: int, planes: Sequence[np.ndarray]) ->
 
 def rectified(case: Path, output: Path) -> Path:
     """The clip with straight rows."""
-    facts = facts_of(case)
-    stated = {
-        "camera": {"exposure": facts["exposure_s"], "readout": facts["readout_s"]},
-        "deblur": {"method": "rectify"},
-        "encoding": {"codec": "ffv1"},
-    }
-    request = Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
+    request = request_of(case, "stated", facts_of(case), output).replaced(deblur={"method": Method.RECTIFY})
     _ = deblur.carry_out(prepare(request), ignore)
     return output
 
@@ -98,10 +91,7 @@ def main() -> None:
     parser.add_argument("--rows", choices=("bent", "straight"), default="bent")
     parser.add_argument("--quality", type=int, default=18)
     args = parser.parse_args()
-    cases = sorted(f.parent for f in args.cases.glob("*/case.json"))
-    if not cases:
-        sys.exit(f"{args.cases} holds no case")
-    for case in cases:
+    for case in cases_of(args.cases):
         out = args.output / case.name
         out.mkdir(parents=True, exist_ok=True)
         shutil.copy(case / "case.json", out)
