@@ -273,8 +273,8 @@ class Measured(BaseModel):
     most: float | None = None  # s, of an exposure that blur does not show; None where it does not even show that
     blur: float | None = None  # px, that this exposure leaves in the middle one of the frames it was measured from
     least: float = 0.0  # s, of an exposure, whatever of the blur may be softness
-    readout: float | None = None  # s; None where motion does not show it, or nobody had to measure it
-    readout_deviation: float = 0.0  # s, of a readout that is likeliest and too uncertain for an answer; 0 of any other
+    readout: float | None = None  # s; 0 where motion shows none, None where too few points show any, or nobody had to measure it
+    readout_deviation: float = 0.0  # s, of a readout that is likeliest and too uncertain for an answer, or of none; 0 of any other
     direction: Direction | None = None  # of the readout, where motion plainly shows another one than is stated or usual
     contrary: float | None = None  # s, a readout that motion plainly shows against the one that is stated
     stabilised: bool = False  # whether motion shows that the frames were shifted after they were read

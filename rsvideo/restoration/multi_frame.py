@@ -150,13 +150,13 @@ def _judged(view: View, path: Trajectory, evidence: Evidence | None, settings: S
         share = evidence.share * followed
     if np.mean(share) < LEAST_SHARE:
         verdict = Verdict.DISAGREES if length > LONG and not (evidence and evidence.share) else Verdict.STRAIGHTENED
-        return _Judged(verdict=_without_readout(view) or verdict, moved=moved, length=length)
+        return _Judged(verdict=_undeblurred(view, verdict), moved=moved, length=length)
     return _Judged(verdict=Verdict.RESTORED, moved=moved, length=length, share=share)
 
 
-def _without_readout(view: View) -> Verdict | None:
-    """The verdict of a frame that is not deblurred, where it has nothing to straighten either."""
-    return Verdict.LEFT if view.camera.timing.row_time == 0 else None
+def _undeblurred(view: View, verdict: Verdict) -> Verdict:
+    """The verdict of a frame that is straightened only, or left where there is nothing to straighten."""
+    return Verdict.LEFT if view.camera.timing.row_time == 0 else verdict
 
 
 def _alone(view: View, path: Trajectory, evidence: Evidence | None, pose: np.ndarray, settings: Settings, *, draft: bool) -> _Waiting:
@@ -259,7 +259,7 @@ def _with_neighbours(waiting: _Waiting, others: Sequence[PosedImage], settings: 
             agreed = agreed * agreement(both.explained, both.shown, both.astray, evidence.certainty)
             waiting = replace(waiting, evidence=evidence, share=waiting.share * agreed[..., None], own=both.support)
             if np.mean(waiting.share, dtype=np.float32) < LEAST_SHARE:
-                verdict = _without_readout(view) or Verdict.STRAIGHTENED
+                verdict = _undeblurred(view, Verdict.STRAIGHTENED)
     elif waiting.draft:
         flow = waiting.evidence and waiting.evidence.flow
         latent = single_frame.restored(view, settings, path=alone.trajectory, noise=waiting.noise, flow=flow).latent

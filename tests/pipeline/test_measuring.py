@@ -39,7 +39,14 @@ def test_a_vague_readout_is_drawn_to_the_usual_one_and_never_beyond_a_period(sho
 
 
 @pytest.mark.parametrize(
-    "shown", [None, Likeliest(readout=-0.01, std=0.002), Likeliest(readout=0.03, std=0.011), Likeliest(readout=0.003, std=0.004)]
+    "shown",
+    [
+        None,
+        Likeliest(readout=-0.01, std=0.002),
+        Likeliest(readout=0.03, std=0.011),
+        Likeliest(readout=0.003, std=0.004),
+        Likeliest(readout=0.006, std=0.004),
+    ],
 )
 def test_no_readout_is_assumed_by_motion_that_shows_none_in_this_direction_or_less_than_is_usual(shown: Likeliest | None) -> None:
     assert with_usual(shown, PERIOD) == (None, 0.0)
