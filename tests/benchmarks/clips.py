@@ -19,20 +19,14 @@ from typing import Any
 import cv2
 import numpy as np
 import published
+from cases import cases_of, facts_of, luma
 from installed import RSVIDEO
 
 from rsvideo.physics.camera import Intrinsics, turned
 from rsvideo.physics.trajectory import path_error
 from rsvideo.report.metrics import BORDER, psnr
-from rsvideo.video.decode import pictures, probe
 
 COLUMNS = ("blurred_db", "restored_db", "gain_db", "least_gain_db", "path_error_px", "seconds")  # as docs/results.json has them
-
-
-def luma(path: Path) -> list[np.ndarray]:
-    """Every picture's Y in [0, 1], (rows, columns, 1)."""
-    stream = probe(path)
-    return [p.planes[0][..., None].astype(np.float32) / stream.colour.top for p in pictures(stream)]
 
 
 def unsteadiness(frames: Sequence[np.ndarray], poses: np.ndarray, camera: Intrinsics) -> float:
@@ -48,7 +42,7 @@ def unsteadiness(frames: Sequence[np.ndarray], poses: np.ndarray, camera: Intrin
 
 def restored(case: Path, output: Path, options: Sequence[str | Path] = ()) -> tuple[list[dict[str, Any]], np.ndarray]:
     """The sidecar's frames, and each frame's PSNR before and after, in dB; ends the program where the command fails."""
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     words = [RSVIDEO, "deblur", case / "clip.mp4", "-o", output, "--exposure", facts["exposure_s"], "--readout", facts["readout_s"]]
     words += ["--focal-px", facts["focal_px"], "--overwrite", "--json", *options]
     done = subprocess.run([str(word) for word in words], capture_output=True, text=True, timeout=7200)
@@ -75,8 +69,8 @@ def main() -> None:
     columns = ("blurred dB", "restored dB", "gain dB", "least gain of a frame dB", "path error px", "seconds a frame")
     print(f"| clip | {' | '.join(columns)} | unsteadiness dB: truth, blurred, restored |")
     print("|---|---|---|---|---|---|---|---|")
-    for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
-        facts = json.loads((case / "case.json").read_text())
+    for case in cases_of(args.cases):
+        facts = facts_of(case)
         output = args.output / f"{case.name}.mp4"
         given = ["--trajectory", case / "motion.csv"] if args.known else []
         records, values = restored(case, output, [*given, "--frames", frames])

@@ -28,6 +28,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import published
+from cases import facts_of
 
 import rsvideo
 from rsvideo.frame import Frame, Verdict
@@ -161,7 +162,7 @@ class Still:
 
 
 def opened(case: Path) -> Still:
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     picture = rsvideo.read(next(case.glob("blurred.*")))
     truth = encode(Transfer.SRGB, rsvideo.read(case / "truth.png").pixels)
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])

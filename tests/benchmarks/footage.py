@@ -1,11 +1,12 @@
 """Restore real scenes blurred and sheared afresh, and print what each frame gained, and how many frames were harmed.
 
-    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|steady|period|FACTOR ...] [--only NAME ...]
+    python tests/benchmarks/footage.py CASES -o RESULTS [--exposure stated|none|profile|steady|period|FACTOR ...] [--only NAME ...]
         [--set ROOM.NUMBER=VALUE ...] [--json FILE]
 
 CASES holds a folder a case, as `rsvideo simulate --from-clip` makes it: clip.mp4, truth.mp4 and case.json with exposure_s and readout_s.
-`stated` gives both numbers, `none` gives nothing at all, `steady` takes what `none` measures in the clip's middle for all of it, `period`
-gives the readout and a frame's period as the exposure, and a FACTOR the readout and so many times the exposure: what a wrong number does.
+`stated` gives both numbers, `none` gives nothing at all, `profile` a camera's profile with the readout, `steady` takes what `none` measures
+in the clip's middle for all of it, `period` gives the readout and a frame's period as the exposure, and a FACTOR the readout and so many
+times the exposure: what a wrong number does.
 One that is longer than the period is refused, and counts as told. RESULTS gets NAME.WAY.mkv and its sidecar; FILE the figures, for
 tests/benchmarks/moved.py. Gains are after the best shift and scale of each frame, without its border; those of its sides, 40 px along the
 border, are without. Frames count as blurred where the middle one of all pixels moves by more than 2 px while the middle scanline is open.
@@ -20,20 +21,21 @@ import argparse
 import json
 import resource
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import published
-from clips import luma
+import yaml
+from cases import cases_of, facts_of, luma
 
 from rsvideo.config.request import Request, Sections
 from rsvideo.pipeline import deblur
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.progress import ignore
 from rsvideo.report.metrics import psnr
+from rsvideo.video.decode import probe
 
 HARMED, MUCH = 0.1, 0.5  # dB below the input
 BLURRED = 2.0  # px
@@ -45,24 +47,21 @@ WARNINGS, UNCHECKED = ("blur is", "does not show", "better focus"), "is taken as
 def request_of(case: Path, way: str, facts: dict, output: Path) -> Request:
     """What the command would be asked."""
     stated: dict = {"encoding": {"codec": "ffv1"}}
-    if way not in ("none", "steady"):
+    if way == "profile":
+        stated["camera"] = {"profile": str(profile_of(case, facts, output.with_suffix(".yaml")))}
+    elif way not in ("none", "steady"):
         true, period = facts["exposure_s"], 1 / facts["fps"]
         exposure = {"stated": true, "period": period}.get(way) or float(way) * true
         stated["camera"] = {"exposure": exposure, "readout": facts["readout_s"]}
     return Request.of(case / "clip.mp4", output, Sections.model_validate(stated), overwrite=True)
 
 
-def cases_of(folder: Path, only: Sequence[str] | None = None) -> list[Path]:
-    """The cases of a folder, all or `only` some; ends the program where there are none."""
-    found = sorted(f.parent for f in folder.glob("*/case.json") if not only or f.parent.name in only)
-    if not found:
-        sys.exit(f"{folder} holds no case")
-    return found
-
-
-def facts_of(case: Path) -> dict:
-    """What is true of a case."""
-    return json.loads((case / "case.json").read_text())
+def profile_of(case: Path, facts: dict, path: Path) -> Path:
+    """A profile that states the readout of a case's camera and nothing else."""
+    clip = probe(case / "clip.mp4")
+    mode = {"rows": clip.rows, "cols": clip.cols, "fps": facts["fps"]}
+    path.write_text(yaml.safe_dump({"name": case.name, "mode": mode, "timing": {"readout_s": facts["readout_s"]}}))
+    return path
 
 
 def along_sides(image: np.ndarray, truth: np.ndarray) -> float:

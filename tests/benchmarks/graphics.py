@@ -13,18 +13,14 @@ rsvideo.restoration than the present ones: with overlay.FEWEST=1000 nothing is f
 
 import argparse
 import shutil
-from collections.abc import Callable, Sequence
-from fractions import Fraction
+from collections.abc import Sequence
 from pathlib import Path
 
-import av
 import cv2
 import footage
 import numpy as np
 import published
-from av.video.frame import VideoFrame
-from av.video.stream import VideoStream
-from clips import luma
+from cases import cases_of, encoded_anew, luma
 
 from rsvideo.pipeline import clip_frames
 from rsvideo.restoration.overlay import Overlay
@@ -70,23 +66,6 @@ def draw(source: Path, output: Path, over: str, quality: int) -> None:
         return shown
 
     encoded_anew(source, output, with_graphics, quality)
-
-
-def encoded_anew(source: Path, output: Path, change: Callable[[int, Sequence[np.ndarray]], Sequence[np.ndarray]], quality: int) -> None:
-    """The clip with planes that are made of each picture's number and its planes; by H.264, at one rate."""
-    stream = probe(source)
-    with av.open(str(output), "w") as file:
-        video = file.add_stream("libx264", rate=Fraction(stream.rate), options={"crf": str(quality)})
-        assert isinstance(video, VideoStream)
-        video.width, video.height, video.pix_fmt = stream.cols, stream.rows, "yuv420p"
-        context = video.codec_context
-        context.color_primaries, context.color_trc, context.colorspace, context.color_range = stream.colour.h273
-        for k, picture in enumerate(pictures(stream)):
-            stacked = np.concatenate([plane.ravel() for plane in change(k, picture.planes)]).reshape(-1, stream.cols)
-            frame = VideoFrame.from_ndarray(stacked, format="yuv420p")
-            frame.pts, frame.time_base, frame.color_range = k, 1 / Fraction(stream.rate), stream.colour.h273[3]
-            file.mux(video.encode(frame))
-        file.mux(video.encode(None))
 
 
 def graphics_of(case: Path, over: str) -> np.ndarray:
@@ -145,7 +124,7 @@ def main() -> None:
     parser.add_argument("--set", nargs="+", default=[], metavar="ROOM.NUMBER=VALUE")
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    cases = footage.cases_of(args.cases, args.only)
+    cases = cases_of(args.cases, args.only)
     footage.try_numbers(args.set)
     rows: list[dict] = []
     for over in args.over:

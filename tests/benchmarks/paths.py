@@ -9,12 +9,12 @@ rsvideo.restoration than the present ones.
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import footage
 import numpy as np
 import published
+from cases import facts_of
 from wobble import decoded
 
 from rsvideo.physics.camera import Camera, Intrinsics
@@ -45,7 +45,7 @@ def errors(run: Run, path: Spline, motion: np.ndarray) -> np.ndarray:
 
 def row_of(case: Path) -> dict:
     """The figures of a clip."""
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     motion = np.loadtxt(case / "motion.csv", delimiter=",", skiprows=1)
     lens = Intrinsics.centred(focal=usual.FOCAL * max(facts["rows"], facts["cols"]), rows=facts["rows"], cols=facts["cols"])
     timing = ShutterTiming.from_readout(exposure=facts["exposure_s"], readout=facts["readout_s"], rows=facts["rows"])

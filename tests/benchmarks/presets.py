@@ -14,6 +14,7 @@ import clips
 import numpy as np
 import published
 import quality
+from cases import cases_of
 
 from rsvideo.restoration.settings import Quality
 
@@ -49,8 +50,8 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    single = sorted(f.parent for f in (args.cases / "stills").glob("*/case.json") if f.parent.name.startswith(KINDS))[:: args.every]
-    moving = sorted(f.parent for f in (args.cases / "clips").glob("*/case.json"))
+    single = [case for case in cases_of(args.cases / "stills") if case.name.startswith(KINDS)][:: args.every]
+    moving = cases_of(args.cases / "clips")
     rows = []
     for preset in get_args(Quality):
         rows.append({"quality": preset} | stills(single, args.output, preset) | footage(moving, args.output, preset))

@@ -17,6 +17,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import published
+from cases import cases_of, facts_of
 from installed import RSVIDEO
 
 from rsvideo.physics.trajectory import path_error
@@ -33,7 +34,7 @@ def codes(path: Path) -> np.ndarray:
 
 def restored(case: Path, results: Path, options: list[str], known: bool) -> tuple[str, float, float, float, float, str]:
     """One row of the table: kind, dB blurred, dB restored, px path error, seconds, verdict."""
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     output = results / f"{case.name}.png"
     timing = ["--exposure", str(facts["exposure_s"]), "--readout", str(facts["readout_s"]), "--focal-px", str(facts["focal_px"])]
     motion = ["--trajectory", str(case / "motion.csv")] if known else []
@@ -77,7 +78,7 @@ def main() -> None:
     args, options = parser.parse_known_args()
     args.output.mkdir(parents=True, exist_ok=True)
     own = list(options)
-    cases = sorted(f.parent for f in args.cases.glob("*/case.json") if f.parent.name.startswith(tuple(args.kind.split(","))))
+    cases = [case for case in cases_of(args.cases) if case.name.startswith(tuple(args.kind.split(",")))]
     options += ["--threads", "1"] if args.jobs > 1 else []
     with ThreadPoolExecutor(args.jobs) as pool:
         rows = list(pool.map(lambda case: restored(case, args.output, options, args.known), cases))

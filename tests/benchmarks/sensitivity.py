@@ -15,7 +15,6 @@ import contextlib
 import io
 import json
 import os
-import sys
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -25,6 +24,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from cases import cases_of, facts_of
 
 Motion = Literal["rotation", "shift"]
 Crop = tuple[int, int] | None  # rows, cols
@@ -117,7 +117,7 @@ def gain_of_still(case: Path, motion: Motion, crop: Crop, number: str | None, fa
     from rsvideo.physics.tone import Transfer, encode
     from rsvideo.report.metrics import psnr
 
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     blurred, truth = (middle(rsvideo.read(next(case.glob(f"{name}.*"))).pixels, None if known else crop) for name in ("blurred", "truth"))
     with scaled(number, factor):
         result = rsvideo.deblur(
@@ -169,9 +169,7 @@ def main() -> None:
     cols, rows = map(int, request.crop.split("x")) if request.crop else (0, 0)
     crop = (rows, cols) if request.crop else None
     os.environ |= {"RSVIDEO_THREADS": "1", "OMP_NUM_THREADS": "1"} if request.jobs > 1 else {}
-    cases = sorted(path.parent for path in request.cases.glob("*/case.json"))[:: request.every]
-    if not cases:
-        sys.exit(f"{request.cases} must hold cases, NAME/case.json")
+    cases = cases_of(request.cases)[:: request.every]
     numbers = request.only.split(",") if request.only else OF_CLIPS if (cases[0] / CLIP).exists() else NUMBERS
     now: dict[bool, list[float]] = {}
     changes = []

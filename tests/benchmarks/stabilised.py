@@ -18,8 +18,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from footage import cases_of, facts_of, request_of
-from graphics import encoded_anew
+from cases import cases_of, encoded_anew, facts_of
+from footage import request_of
 
 from rsvideo.config.method import Method
 from rsvideo.pipeline import deblur

@@ -7,12 +7,12 @@ Eq. (15), total variation of one weight; the tiles as wide as the default tolera
 """
 
 import argparse
-import json
 from collections import deque
 from pathlib import Path
 
 import cv2
 import numpy as np
+from cases import cases_of, facts_of
 
 from rsvideo.paper import latent_image
 from rsvideo.physics import tone
@@ -40,7 +40,7 @@ def grey(path: Path) -> np.ndarray:
 
 def gains(case: Path) -> tuple[int, float, float, float]:
     """How many tiles, and the dB of the blurred frame, by tiles, and by conjugate gradients."""
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     frame, truth = grey(case / "blurred.png"), grey(case / "truth.png")
     timing = ShutterTiming(exposure=facts["exposure_s"], row_time=facts["row_time_s"], rows=facts["rows"])
     lens = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
@@ -65,7 +65,7 @@ def main() -> None:
     parser.add_argument("cases", type=Path)
     args = parser.parse_args()
     print("| case | tiles | blurred dB | by tiles dB | by conjugate gradients dB |\n|---|---|---|---|---|")
-    for case in sorted(f.parent for f in args.cases.glob("*/case.json")):
+    for case in cases_of(args.cases):
         cut, *measured = gains(case)
         print(f"| {case.name} | {cut} | {' | '.join(f'{value:.2f}' for value in measured)} |", flush=True)
 

@@ -16,6 +16,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from cases import cases_of
 from corpus import opened
 
 from rsvideo.restoration import single_frame, undirected
@@ -49,7 +50,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     args = parser.parse_args()
     os.environ |= {"OMP_NUM_THREADS": "1", "RSVIDEO_THREADS": "1"} if args.jobs > 1 else {}
-    cases = sorted(path.parent for path in args.cases.glob("*/case.json"))
+    cases = cases_of(args.cases)
     with ProcessPoolExecutor(args.jobs, mp_context=get_context("spawn")) as pool:
         rows = list(pool.map(measured, cases))
     args.output.write_text(json.dumps(rows, indent=1) + "\n")

@@ -10,13 +10,13 @@ point tells the motion and the others are measured, RMS and median; their focal 
 """
 
 import argparse
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import skimage.data
+from cases import cases_of, facts_of
 
 from rsvideo.baselines.rectify import movement
 from rsvideo.frame import Frame
@@ -84,7 +84,7 @@ def simulated(scene: str, rms: float, seed: int, direction: Direction) -> Clip:
 
 def rendered(case: Path) -> Clip:
     """A blurred clip with its truth."""
-    facts = json.loads((case / "case.json").read_text())
+    facts = facts_of(case)
     lens = Intrinsics.centred(focal=facts["focal_px"], rows=facts["rows"], cols=facts["cols"])
     timing = ShutterTiming.from_readout(exposure=facts["exposure_s"], readout=facts["readout_s"], rows=facts["rows"])
     t, *angles = np.loadtxt(case / "motion.csv", delimiter=",", skiprows=1).T
@@ -194,7 +194,7 @@ def main() -> None:
         for name in ("r0", "r1", "s0", "s1"):
             values = paired(args.shared / "real" / "dual_reversed_real", name)
             print(f"| pair {name}, RMS and median | " + " | ".join(f"{v:.2f}" for v in values) + " |", flush=True)
-        for case in sorted(f.parent for f in (args.shared / "cases" / "clips").glob("*/case.json")):
+        for case in cases_of(args.shared / "cases" / "clips"):
             print(f"| {case.name}, blurred | " + " | ".join(f"{v:.2f}" for v in measured(rendered(case))) + " |", flush=True)
 
 
