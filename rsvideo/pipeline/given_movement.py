@@ -66,12 +66,7 @@ def _found(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> M
         if abs(frame.time_s - begins) > _APART:
             raise UnreadableError(f"{path}: frame {index} begins at {frame.time_s:g} s, in the clip at {begins:g} s; is it another clip's?")
         taken = camera.exposed(frame.timing.exposure_s)
-        curve, beside = _of_frame(frame, taken)
-        if curve is not None:
-            given_blur.check(path, curve, taken, beside.flow)
-        if curve is not None and beside.focused is not None:
-            led = path_in_image(beside.focused, taken.timing.direction)
-            given_blur.check(path, led, taken.exposed(beside.seeming or frame.timing.exposure_s), beside.flow)
+        curve, beside = _of_frame(path, frame, taken)
         exposures.append(frame.timing.exposure_s)
         within.append(curve)
         evidence.append(beside)
@@ -86,13 +81,19 @@ def _found(path: Path, camera: Camera, frames: Sequence[tuple[int, float]]) -> M
     )
 
 
-def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Evidence]:
+def _of_frame(path: Path, frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Evidence]:
+    """What `record` has taken; UnreadableError where no picture can be restored along it."""
     found = frame.found
     assert found is not None
     judged = camera if found.seeming_s is None else camera.exposed(found.seeming_s)
     drift = found.drift
     flow = drift and Flow(points=np.array(drift.points_px), weights=np.array(drift.weights_px_s), length=drift.length_px)
-    return _over(camera, found.path), Evidence(
+    curve, focused = _over(camera, found.path), _over(judged, found.focused)
+    if curve is not None:
+        given_blur.check(path, curve, camera, flow)
+        if focused is not None:
+            given_blur.check(path, path_in_image(focused, judged.timing.direction), judged, flow)
+    return curve, Evidence(
         flow=flow,
         error=found.error_px,
         share=found.share,
@@ -100,7 +101,7 @@ def _of_frame(frame: FrameRecord, camera: Camera) -> tuple[Trajectory | None, Ev
         blur_certainty=found.blur_certainty,
         exposure_shown=found.exposure_shown,
         seeming=found.seeming_s,
-        focused=_over(judged, found.focused),
+        focused=focused,
     )
 
 

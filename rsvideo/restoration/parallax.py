@@ -20,6 +20,7 @@ from jaxtyping import Float, Real
 from scipy import linalg
 from scipy.spatial.distance import cdist
 
+from rsvideo import threads
 from rsvideo.physics import tiles
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import ShutterTiming
@@ -130,11 +131,12 @@ def flows(frames: Sequence[Points], longer: int) -> list[Flow | None]:
         return [None] * len(frames)
     probes = [few[k] for k in np.unique(np.array(shown)[np.linspace(0, len(shown) - 1, PROBES).round().astype(int)])]
     tried = [(speed, share * longer) for speed, share in itertools.product(SPEEDS, LENGTHS)]
-    missed = [sum(_missed(_solved(points, *how)[1], points) for points in probes) for how in tried]
+    missed = threads.each(lambda how: sum(_missed(_solved(points, *how)[1], points) for points in probes), tried)
     best = int(np.argmin(missed))
     if missed[best] >= EXPLAINS * sum(_missed(points.moved, points) for points in probes):
         return [None] * len(frames)
-    return [_solved(points, *tried[best])[0] if k in shown else None for k, points in enumerate(few)]
+    found = dict(zip(shown, threads.each(lambda k: _solved(few[k], *tried[best])[0], shown), strict=True))
+    return [found.get(k) for k in range(len(few))]
 
 
 def _solved(points: Points, speed: float, length: float) -> tuple[Flow, Float[np.ndarray, "points 2"]]:

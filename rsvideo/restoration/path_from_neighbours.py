@@ -38,7 +38,7 @@ from rsvideo.restoration.rectification import displaced, straightened
 from rsvideo.restoration.resolution import halved, halved_path, pose_factors, too_long
 from rsvideo.restoration.scanlines import View, to_scanlines
 from rsvideo.restoration.settings import Settings
-from rsvideo.restoration.trust import between, observed
+from rsvideo.restoration.trust import observed, ramp
 
 LARGEST = 960  # px, the longer side at most of the frames in which this is measured
 DRAFT = Settings(quality="draft")  # how a frame is restored for it
@@ -161,7 +161,7 @@ def _shown(path: CameraPath, taken: Taken, draft: _Draft, others: Sequence[Posed
         return None
     moves = doubted.moves * pose_factors(taken.scale, doubted.moves.shape[2])
     found = departure(taken.path, moves, both.predicted, view.camera, flow)
-    share = between(taken.length, SHORT, LONG) * between(found.strength, WEAKER, STRONG)
+    share = ramp(taken.length, SHORT, LONG) * ramp(found.strength, WEAKER, STRONG)
     if share == 0:
         return None
     sheared = SHEAR / taken.scale * doubted.shear

@@ -41,12 +41,12 @@ _LEAST_VOTE = 1e-12  # where no frame votes, the sum is divided by this
 
 def run_share(votes: Sequence[float]) -> float:
     """The share of restorations, 0 to 1, that s of a run's blurred frames grants together."""
-    return float(between(deviations(votes), CHANCE, CERTAIN))
+    return float(ramp(deviations(votes), CHANCE, CERTAIN))
 
 
 def blur_share(certainties: Float[np.ndarray, " frames"]) -> Float[np.ndarray, " frames"]:
     """The share of each frame's restoration that the certainty of its blur grants, 0 to 1."""
-    return between(certainties, BLUR_VAGUE, BLUR_SURE)
+    return ramp(certainties, BLUR_VAGUE, BLUR_SURE)
 
 
 def deviations(votes: Sequence[float]) -> float:
@@ -73,14 +73,14 @@ def trust(scene: Scene, path: Trajectory, length: float, certainty: float, expos
         return np.zeros((rows, cols), np.float32)
     scene = reduced(scene, length)
     focus = focus_map(scene, path, REGION * min(scene.frame.shape))
-    share = between(focus.about + credit * CREDIT_REGION, OUT_OF_FOCUS, IN_FOCUS) * between(credited, SHORT, LONG)
-    share *= between(focus.whole + credit * CREDIT_FRAME, -FRAME_DOUBT, 0) * between(focus.surely - SURELY * (1 - certainty), -DOUBT, 0)
+    share = ramp(focus.about + credit * CREDIT_REGION, OUT_OF_FOCUS, IN_FOCUS) * ramp(credited, SHORT, LONG)
+    share *= ramp(focus.whole + credit * CREDIT_FRAME, -FRAME_DOUBT, 0) * ramp(focus.surely - SURELY * (1 - certainty), -DOUBT, 0)
     return cv2.resize(share.astype(np.float32), (cols, rows), interpolation=cv2.INTER_LINEAR)
 
 
 def observed(covered: Float[np.ndarray, "rows cols"]) -> Float[np.ndarray, "rows cols"]:
     """The share of a restoration that the frame's own data grant, 0 to 1; `covered` is `BlurredFrame`'s."""
-    return between(covered, UNOBSERVED, OBSERVED).astype(np.float32)
+    return ramp(covered, UNOBSERVED, OBSERVED).astype(np.float32)
 
 
 def agreement(
@@ -94,7 +94,7 @@ def agreement(
 
     Where no neighbour shows the place, the `certainty` of the path has to grant it, and grants a part only.
     """
-    share = between(np.where(shown, explained, certainty), APART, AGREED) * np.where(shown, 1, UNSEEN) * ~astray
+    share = ramp(np.where(shown, explained, certainty), APART, AGREED) * np.where(shown, 1, UNSEEN) * ~astray
     return cv2.blur(share.astype(np.float32), (AGREEMENT, AGREEMENT))
 
 
@@ -104,20 +104,20 @@ def confirmation(predicted: Confirmed, length: float, certainty: float = 1.0) ->
     The less surely the blur is as the path says, by its `certainty`, the more of it the frame has to show.
     """
     unsure = min(UNSURE * (1 - certainty), 1 - FRAME_CONFIRMED)  # all of the blur is enough
-    about = between(predicted.about, MISSING, CONFIRMED) * between(predicted.whole, FRAME_MISSING + unsure, FRAME_CONFIRMED + unsure)
+    about = ramp(predicted.about, MISSING, CONFIRMED) * ramp(predicted.whole, FRAME_MISSING + unsure, FRAME_CONFIRMED + unsure)
     return cv2.blur(_checked(about, length).astype(np.float32), (AGREEMENT, AGREEMENT))
 
 
 def borne_out(predicted: Confirmed, length: float) -> float:
     """How far the same frame's blur bears out where its path leads, 0 to 1, in a clip whose blur has shown its exposure."""
-    return float(_checked(between(predicted.whole, FRAME_MISSING, FRAME_CONFIRMED), length))
+    return float(_checked(ramp(predicted.whole, FRAME_MISSING, FRAME_CONFIRMED), length))
 
 
 def _checked(share: np.ndarray, length: float) -> np.ndarray:
     """A share that counts the more, the longer the blur is."""
-    return np.asarray(1 - between(length, UNCHECKED, CHECKED) * (1 - share))
+    return np.asarray(1 - ramp(length, UNCHECKED, CHECKED) * (1 - share))
 
 
-def between(value: np.ndarray | float, none: float, whole: float) -> np.ndarray:
+def ramp(value: np.ndarray | float, none: float, whole: float) -> np.ndarray:
     """The share, 0 to 1, that rises from `none` to `whole`."""
     return np.asarray(np.clip((value - none) / (whole - none), 0, 1))
