@@ -276,7 +276,7 @@ class Measured(BaseModel):
     readout: float | None = None  # s; 0 where motion shows none, None where too few points show any, or nobody had to measure it
     readout_deviation: float = 0.0  # s, of a readout that is likeliest and too uncertain for an answer, or of none; 0 of any other
     direction: Direction | None = None  # of the readout, where motion plainly shows another one than is stated or usual
-    contrary: float | None = None  # s, a readout that motion plainly shows against the one that is stated
+    contrary: float | None = None  # s, a readout that the clip shows against the one that is stated; 0: none
     stabilised: bool = False  # whether motion shows that the frames were shifted after they were read
     focal: float | None = None  # px; None where nobody had to measure it, or no points could be followed
     focal_deviation: float = 0.0  # of its logarithm

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
-from scipy.stats import norm
 
 from calibration.intrinsics.from_motion import VAGUE, Focal, focal_length
 from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError, TooFewPointsError
@@ -46,15 +45,14 @@ def needed(given: Stated, sources: Sources) -> bool:
 
     ValueError where a time that is stated cannot be.
     """
-    exposure, unknown = timing.exposure_of(given, sources)[0], readout_unknown(given, sources)
-    typed = any(each is not None for each in (given.exposure, given.shutter_angle, given.readout, given.row_time)) and not given.force
-    return typed or exposure is None or unknown
+    typed = given.exposure is not None or given.shutter_angle is not None or timing.readout_typed(given)
+    return unstated(given, sources) or (typed and not given.force)
 
 
 def unstated(given: Stated, sources: Sources) -> bool:
-    """Whether nobody states the exposure, or nobody the readout."""
-    exposure = given.exposure is not None or given.shutter_angle is not None or timing.exposure_of(given, sources)[0] is not None
-    return not exposure or readout_unknown(given, sources)
+    """Whether nobody states the exposure, or nobody the readout; ValueError where a time that is stated cannot be."""
+    exposure, _ = timing.exposure_of(given, sources)
+    return exposure is None or readout_unknown(given, sources)
 
 
 def readout_unknown(given: Stated, sources: Sources) -> bool:
@@ -147,35 +145,40 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         by = camera(half if readout is None else readout, lens.pixels)
         return replace(run.taken_by(by), readout_guessed=readout is None, misfits={})
 
-    unknown = readout_unknown(given, sources)
-    stated, _ = timing.readout_of(given, sources)
-    readout = _Readout(seconds=stated.value) if stated and not unknown else shown
+    stated = None if readout_unknown(given, sources) else timing.readout_of(given, sources)[0]
+    contrary = _contrary(shown, stated.value, period) if stated else None
+    if contrary is not None and not (timing.readout_typed(given) or given.force):
+        stated = None
+    readout = _Readout(seconds=stated.value) if stated else shown
     exposed = taken(readout.seconds)
     found = exposure.measured(exposed, period)
-    if unknown and readout.seconds is not None:
+    if stated is None and readout.seconds is not None:
         readout, rough = _in_matched_blur(exposed, readout, found, period, direction), readout
         exposed = taken(readout.seconds)
         if rough.unclear and not readout.unclear:
             found = exposure.measured(exposed, period)
     unclear += readout.unclear
-    shown = Measured(
+    answer = Measured(
         readout=readout.taken,
         readout_deviation=readout.deviation,
         direction=shown.direction,
         stabilised=shown.stabilised,
-        contrary=None if unknown else _contrary(shown, readout, period),
+        contrary=contrary,
         focal=None if focal else round(lens.pixels, 1),
         focal_deviation=round(lens.deviation, 4),
         least=round(found.least, DECIMALS),
         unclear=tuple(unclear),
     )
+    return _unless_in_focus(_with_exposure(answer, found), exposed, given, sources)
+
+
+def _with_exposure(answer: Measured, found: exposure.Exposure | exposure.Unclear) -> Measured:
+    """The same with what blur shows of the exposure."""
     if isinstance(found, exposure.Unclear):
         most = found.most and round(found.most, DECIMALS)
-        shown = shown.model_copy(update={"most": most, "unclear": (*unclear, timing.UNCLEAR_EXPOSURE + found.reason)})
-    else:
-        of_blur = {"exposure": found.value, "deviation": found.deviation, "sharp": found.sharp, "blur": found.blur}
-        shown = shown.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
-    return _unless_in_focus(shown, exposed, given, sources)
+        return answer.model_copy(update={"most": most, "unclear": (*answer.unclear, timing.UNCLEAR_EXPOSURE + found.reason)})
+    of_blur = {"exposure": found.value, "deviation": found.deviation, "sharp": found.sharp, "blur": found.blur}
+    return answer.model_copy(update={name: round(value, DECIMALS) for name, value in of_blur.items()})
 
 
 def _unless_in_focus(shown: Measured, run: Run, given: Stated, sources: Sources) -> Measured:
@@ -199,13 +202,18 @@ def with_usual(shown: Likeliest | None, period: float) -> tuple[float | None, fl
     mean, spread = usual.READOUT * period, usual.READOUT_SPREAD * period
     if shown is None or shown.readout <= 0 or shown.std > spread:
         return None, 0.0
-    if norm.pdf(shown.readout, 0, shown.std) > norm.pdf(shown.readout, mean, np.hypot(spread, shown.std)):
+    if _surprise(shown.readout, shown.std) < _surprise(shown.readout - mean, math.hypot(spread, shown.std)):
         return None, 0.0
     readouts = np.linspace(0, period, _READOUTS)
     density = np.exp(-(((readouts - shown.readout) / shown.std) ** 2 + ((readouts - mean) / spread) ** 2) / 2)
     readout = np.average(readouts, weights=density)
     deviation = np.sqrt(np.average((readouts - readout) ** 2, weights=density))
     return round(float(readout), DECIMALS), round(float(deviation), DECIMALS)
+
+
+def _surprise(error: float, std: float) -> float:
+    """Minus the logarithm of a Gaussian's density at an error, but for a constant."""
+    return 0.5 * (error / std) ** 2 + math.log(std)
 
 
 def _pairs(run: Run) -> list[Pair]:
@@ -224,9 +232,14 @@ class _Readout:
     stabilised: bool = False  # whether the frames were shifted after they were read
 
     @property
+    def none(self) -> bool:
+        """Whether the motion shows that there is none."""
+        return self.seconds is None and self.deviation > 0
+
+    @property
     def taken(self) -> float | None:
-        """The same, s: 0 where the motion shows that there is none."""
-        return 0.0 if self.seconds is None and self.deviation else self.seconds
+        """The same, s: 0 where there is none."""
+        return 0.0 if self.none else self.seconds
 
 
 def _readout(run: Run, period: float, direction: Direction, near: float | None = None, astray: float = ASTRAY) -> _Readout:
@@ -250,12 +263,15 @@ def _readout(run: Run, period: float, direction: Direction, near: float | None =
     return _Readout(seconds=None, unclear=(f"readout: its motion shows that it runs {found.direction}",), direction=found.direction)
 
 
-def _contrary(shown: _Readout, stated: _Readout, period: float) -> float | None:
-    """The readout that a clip's motion plainly shows against a stated one, s."""
-    if shown.unclear or shown.seconds is None or stated.seconds is None:
+def _contrary(shown: _Readout, stated: float, period: float) -> float | None:
+    """The readout in s that a clip's motion plainly shows against a stated one; 0 where it shows none, as of a clip that was stabilised."""
+    least = LEAST_CONTRARY * period
+    if shown.none:
+        return 0.0 if stated > least else None
+    if shown.unclear or shown.seconds is None:
         return None
-    allowed = max(CONTRARY * max(shown.seconds, stated.seconds), LEAST_CONTRARY * period)
-    return shown.seconds if abs(shown.seconds - stated.seconds) > allowed else None
+    allowed = max(CONTRARY * max(shown.seconds, stated), least)
+    return shown.seconds if abs(shown.seconds - stated) > allowed else None
 
 
 def _in_matched_blur(

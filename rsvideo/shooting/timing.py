@@ -189,6 +189,8 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
         found += [usable] if usable else []
     if found:
         first, *others = found
+        if overruled := _overruled(first, given, sources):
+            return overruled[0], (*notes, overruled[1])
         apart = [other for other in others if not _agree(first, other)]
         return first, (
             *notes,
@@ -206,12 +208,28 @@ def readout_of(given: Camera, sources: Sources) -> tuple[Fact[float] | None, tup
     )
 
 
+def _overruled(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact[float], str] | None:
+    """The readout that the clip shows, where that contradicts what is stated and nobody typed that in; and what to know of it."""
+    shown = sources.measured
+    if shown is None or shown.contrary is None or given.force or sources.fps is None:
+        return None
+    taken = _from_motion(shown, sources.fps)
+    words = f"motion shows one of {ms(taken.value)}: that is taken"
+    if not shown.contrary:
+        words = "motion shows none: none is taken; was it stabilised?"
+    return taken, f"a readout of {ms(stated.value)} by {stated.source}, but the clip's {words}, --readout takes another"
+
+
 def _contrary(stated: Fact[float], given: Camera, sources: Sources) -> tuple[str, ...]:
-    """What to know where the clip's motion plainly shows another readout: what is stated is taken, for a clip may be sheared before."""
+    """What to know where the clip shows another readout than what is typed in: that is taken, for a clip may be sheared before."""
     shown, direction = sources.measured or Measured(), direction_of(given, sources).value
+    if given.force:
+        return ()
     words: tuple[str, ...] = ()
-    if shown.contrary is not None:
+    if shown.contrary:
         words = (f"the clip's motion shows a readout of {ms(shown.contrary)}; is it that? {ms(stated.value)} is taken as given",)
+    elif shown.contrary is not None and not shown.stabilised:
+        words = (f"the clip's motion shows no readout; was it stabilised? {ms(stated.value)} is taken as given",)
     if shown.stabilised:
         words += (f"the clip's motion does not go on within its frames; was it stabilised? {ms(stated.value)} is taken as given",)
     if shown.direction not in (None, direction):
@@ -245,6 +263,11 @@ def direction_of(given: Camera, sources: Sources) -> Fact[Direction]:
 
 def _scanlines(sources: Sources, direction: Direction) -> int:
     return sources.rows if direction.by_row else sources.cols
+
+
+def readout_typed(given: Camera) -> bool:
+    """Whether the request itself states the readout."""
+    return any(each is not None for each in (given.readout, given.row_time, given.scanlines_total))
 
 
 def _given_readout(given: Camera, sources: Sources) -> Fact[float] | None:

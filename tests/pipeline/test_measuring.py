@@ -19,6 +19,7 @@ from rsvideo.pipeline.take import Take
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import Run, gather
 from rsvideo.restoration.settings import Settings
+from rsvideo.shooting.fact import Fact
 from rsvideo.shooting.timing import Sources, exposure_of, resolve
 from rsvideo.shooting.usual import MILD, READOUT, READOUT_SPREAD
 from tests.pipeline.moving import RATE, Moving
@@ -159,16 +160,50 @@ def test_a_stated_readout_is_taken_and_motion_that_plainly_shows_another_is_told
 
 @pytest.mark.parametrize(("seconds", "unclear"), [(0.013, ()), (0.012, ("vague",)), (None, ("not at all",))])
 def test_a_readout_that_is_near_or_vague_contradicts_none(seconds: float | None, unclear: tuple[str, ...]) -> None:
-    shown, stated = measuring._Readout(seconds=seconds, unclear=unclear), measuring._Readout(seconds=0.017)
-    assert measuring._contrary(shown, stated, PERIOD) is None
-    assert measuring._contrary(measuring._Readout(seconds=0.012), stated, PERIOD) == 0.012
-    assert measuring._contrary(measuring._Readout(seconds=0.0001), measuring._Readout(seconds=0.001), PERIOD) is None
+    assert measuring._contrary(measuring._Readout(seconds=seconds, unclear=unclear), 0.017, PERIOD) is None
+    assert measuring._contrary(measuring._Readout(seconds=0.012), 0.017, PERIOD) == 0.012
+    assert measuring._contrary(measuring._Readout(seconds=0.0001), 0.001, PERIOD) is None
+    assert measuring._contrary(NONE, 0.001, PERIOD) is None
+
+
+IN_BLUR = exposure.Exposure(value=0.02, deviation=0.001, blur=4.0, sharp=0.02, least=0.018)
+NONE = measuring._Readout(seconds=None, deviation=0.01, unclear=("readout: all alike",))
+
+
+@pytest.mark.parametrize(
+    ("shown", "contrary"),
+    [
+        (measuring._Readout(seconds=0.012), 0.012),
+        (measuring._Readout(seconds=0.018), None),
+        (NONE, 0.0),
+        (replace(NONE, stabilised=True), 0.0),
+        (measuring._Readout(seconds=None, unclear=("too few points",)), None),
+    ],
+)
+@pytest.mark.parametrize("typed", [False, True])
+def test_a_readout_that_nobody_typed_in_gives_way_where_motion_shows_another_or_none(
+    shown: measuring._Readout, contrary: float | None, typed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measuring, "_readout", lambda *_args: shown)
+    monkeypatch.setattr(clip_motion, "in_matched_blur", lambda run: run)
+    monkeypatch.setattr(exposure, "measured", lambda *_: IN_BLUR)
+    stated = Fact(value=0.02, source="the profile of Test 1")
+    sources = Sources(rows=FILMED.rows, cols=FILMED.cols, fps=RATE, profile_readout=None if typed else stated)
+    given = Camera(readout=stated.value if typed else None, focal_px=FILMED.lens.fx)
+    taken = measuring.measured(FILMED.recorded, given, sources, FILMED.lens.fx)
+    resolved = resolve(given, replace(sources, measured=taken))
+    assert taken.contrary == contrary
+    assert resolved.readout.value == (stated.value if typed or contrary is None else contrary)
+    assert taken.readout_guessed == (not typed and contrary == 0)
+    words = "taken as given" if typed else "--readout takes another"
+    assert sum(words in note for note in resolved.notes) == (contrary is not None)
+    assert measuring.measured(FILMED.recorded, given.model_copy(update={"force": True}), sources, FILMED.lens.fx).readout == stated.value
 
 
 @pytest.mark.parametrize(
     ("found", "taken"),
     [
-        (exposure.Exposure(value=0.02, deviation=0.001, blur=4.0, sharp=0.02, least=0.018), 0.02),
+        (IN_BLUR, 0.02),
         (exposure.Unclear(reason="", most=0.03), MILD * PERIOD),
         (exposure.Unclear(reason="", most=0.002), 0.002),
         (exposure.Unclear(reason=""), MILD * PERIOD),

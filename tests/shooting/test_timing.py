@@ -265,6 +265,23 @@ def test_a_stated_readout_of_a_stabilised_clip_is_taken_and_the_user_is_told() -
     assert not any("stabilised" in note for note in resolve(Camera(), shown).notes)
 
 
+@pytest.mark.parametrize(
+    ("contrary", "words"), [(0.01, "motion shows one of 10 ms: that is taken"), (0.0, "none is taken; was it stabilised?")]
+)
+def test_what_the_clip_shows_against_a_readout_is_taken_where_nobody_typed_that_in(contrary: float, words: str) -> None:
+    shown = replace(STATED, measured=Measured(readout=contrary, readout_deviation=0.0 if contrary else 0.02, contrary=contrary))
+    found, notes = readout_of(Camera(), shown)
+    assert found is not None
+    assert found.value == contrary
+    assert any("12 ms by GoPro's telemetry" in note and words in note for note in notes)
+    assert readout_of(Camera(force=True), shown)[0] == readout_of(Camera(), STATED)[0]
+    typed, notes = readout_of(Camera(readout=0.02), shown)
+    assert typed is not None
+    assert typed.value == 0.02
+    assert any("20 ms is taken as given" in note for note in notes)
+    assert readout_of(Camera(readout=0.02, force=True), shown)[1] == ()
+
+
 def test_softness_explains_a_shorter_exposure_and_the_user_is_told() -> None:
     for least, taken, words in ((0.002, 0.0025, "softness of lens or codec explains"), (0.003, 0.004, "is it 1/250 s?")):
         soft = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, least=least))
