@@ -14,8 +14,8 @@ from rsvideo.physics.camera import Camera
 from rsvideo.physics.trajectory import Trajectory, still
 from rsvideo.pipeline.gyro_alignment import Gyro
 from rsvideo.progress import Observer, Progress, ignore
-from rsvideo.restoration import clip_motion, exposure, multi_frame, search, single_frame
-from rsvideo.restoration.clip_motion import Run
+from rsvideo.restoration import clip_motion, exposure, multi_frame, search, single_frame, stabilised
+from rsvideo.restoration.clip_motion import Followed, Run
 from rsvideo.restoration.estimate import Estimator
 from rsvideo.restoration.movement import Movement
 from rsvideo.restoration.parallax import Flow
@@ -72,8 +72,12 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
         return rectify.movement(run).of_pictures(run.pictures)
     if treatment.method is Method.RSVIDEO and treatment.settings.frames != "cold":
         run = run_of(treatment, frames, observe)
-        doubtful = treatment.exposure_doubtful and run.followed.any()
-        moving = clip_motion.movement_along(exposure.followed(run)) if doubtful else clip_motion.movement(run)
+        if not run.followed.any():
+            moving = clip_motion.movement(run)
+        elif treatment.readout_guessed and not run.camera.timing.readout:
+            moving = stabilised.movement(Followed.of(run))
+        else:
+            moving = clip_motion.movement_along(exposure.followed(run) if treatment.exposure_doubtful else Followed.of(run))
         return moving.of_pictures(run.pictures)
     return Movement.unfollowed(len(begins), 3)
 

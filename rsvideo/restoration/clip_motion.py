@@ -23,7 +23,7 @@ from rsvideo import threads
 from rsvideo.frame import Frame
 from rsvideo.physics.camera import Camera
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.physics.trajectory import Spline
+from rsvideo.physics.trajectory import Spline, Trajectory
 from rsvideo.progress import Observer, Progress, ignore
 from rsvideo.restoration.camera_path import (
     PATH_ERROR,
@@ -319,12 +319,16 @@ def movement_of(run: Run, path: Spline, frames: Bool[np.ndarray, " frames"]) -> 
 
 def votes(run: Run, path: CameraPath, frames: Sequence[int] | None = None) -> list[float]:
     """The focus of each frame that is blurred enough, of all or of some `frames`, along a path that was found without blur."""
-    flows_beside, wanted = beside(run, path), []
-    for k in range(len(run.begins)) if frames is None else frames:
-        camera = run.camera.exposed(float(run.exposures[k]))
-        cut = within(path.spline, run.opens(k), camera.timing)
-        if (length := longest(camera, cut)) > SHORT:
-            wanted.append((scene_at(run, k, flows_beside[k], length), cut))
+    cuts = [within(path.spline, run.opens(k), run.timing(k)) for k in range(len(run.begins))]
+    return votes_along(run, cuts, beside(run, path), frames)
+
+
+def votes_along(run: Run, paths: Sequence[Trajectory], flows: Sequence[Flow | None], frames: Sequence[int] | None = None) -> list[float]:
+    """The same along a path of each frame's own, and the field beside it."""
+    wanted = []
+    for k in range(len(paths)) if frames is None else frames:
+        if (length := longest(run.camera.exposed(float(run.exposures[k])), paths[k])) > SHORT:
+            wanted.append((scene_at(run, k, flows[k], length), paths[k]))
     return threads.each(lambda each: focus_value(*each), wanted)
 
 

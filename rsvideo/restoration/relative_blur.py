@@ -1,0 +1,280 @@
+"""How frames of one scene are blurred, by how they differ from each other.
+
+Frames b_k = k_k * l show one scene l, so that the ratio of the power of one patch in two of them,
+
+    log |B_k(w)|^2 - log |B_j(w)|^2 = g(w, s_k) - g(w, s_j),    g(w, s) = log(sinc^2(w . s / 2) + LEAK),
+
+holds neither the scene nor what lens and codec leave in both, as depth from defocus compares two apertures (Pentland, PAMI 1987, "A new
+sense for depth of field"). s_k is the streak of frame k in px, straight and of even pace. Over the frame it differs, since the camera
+rolls, and since its pace changes while scanlines are read:
+
+    s_k(x, y) = J(x, y) p_k + y c_k,
+
+with the lever J of a pose p_k, and y from the middle in heights of the frame. What is sought minimises
+
+    INDEPENDENT sum q A^2 log(1 + (r / A)^2) + sum_k |p_k / P|^2 + |c_k / C|^2
+
+with r the two sides' difference over pairs of frames, parts of the picture and frequencies, and q how many patches are averaged. First each
+frame in turn gets that one of many streaks which explains its ratios best; then all are refined together by Levenberg and Marquardt's
+method. What blurs all frames alike shows in no ratio, so that streaks come out as short as can be. Their sense does not show either.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from rsvideo import threads
+from rsvideo.physics.camera import Camera, lever
+from rsvideo.physics.noise_level import noise_level
+from rsvideo.restoration.resolution import halved_image, pose_factors
+
+SIDE = 64  # px of a patch
+ROWS, COLS = 7, 14  # of patches
+PARTS = 4, 2  # of the picture, down and across, in which ratios are averaged
+REACH = 4  # frames before and behind one that it is compared with; these four by trial
+LOWEST, HIGHEST = 2.0, 1.6  # frequencies that count: in periods a patch, whose window blurs lower ones; in rad a px
+SIGNAL = 100.0  # times the noise's power, that the sharper one of two patches must have at a frequency; chosen, as the next, on 25 clips
+FINE, FINE_NOISE = 2.2, 1.0  # rad a px, from which on so much of a patch's power is what noise and compression add
+LEAK = 0.01  # of the scene's power, that a patch shows where its blur is dark; from 0.003 to 0.03 streaks differ by 0.1 px
+COARSE = 480  # px of the longer side at most, at which streaks are searched
+LONGEST, STEP, TURNS = 24.0, 0.5, 36  # px of the longest one that is tried, and from one to the next; and directions
+ROUNDS = 8  # in which each frame may get another one
+LONG = 16.0  # px, from which on a streak is not refined at a higher resolution
+USUAL, CHANGE = 30.0, 3.0  # px: P, over the frame, and C
+STEPS = 12  # of Levenberg and Marquardt's method
+ASTRAY = 0.3  # A; 0.2 does as well, 1.2 worse
+INDEPENDENT = 0.0005  # of a patch's frequencies, those that are as good as independent: streaks are then off as their variance says
+DAMPING = 1e-3  # of the normal matrix's diagonal, at first
+_FLAT = 1e-3  # rad, a phase below which g is as flat as at rest
+
+
+def _frequencies() -> tuple[Float[np.ndarray, "taken 2"], Bool[np.ndarray, "side half"]]:
+    across, down = np.meshgrid(2 * np.pi * np.fft.rfftfreq(SIDE), 2 * np.pi * np.fft.fftfreq(SIDE))
+    magnitude = np.hypot(across, down)
+    taken = (magnitude > LOWEST * 2 * np.pi / SIDE) & (magnitude < HIGHEST)
+    return np.stack([across[taken], down[taken]], axis=-1), taken
+
+
+_W, _TAKEN = _frequencies()  # rad a px, across and down
+_FINE = np.hypot(*np.meshgrid(2 * np.pi * np.fft.rfftfreq(SIDE), 2 * np.pi * np.fft.fftfreq(SIDE))) > FINE
+_WINDOW = np.outer(np.hanning(SIDE + 2)[1:-1], np.hanning(SIDE + 2)[1:-1])
+_WINDOW /= np.sqrt((_WINDOW**2).sum())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Streaks:
+    """How each frame is blurred over an exposure, and how surely."""
+
+    pose: Float[np.ndarray, "frames axes"]  # p, px and rad
+    change: Float[np.ndarray, "frames 2"]  # c, px
+    variance: Float[np.ndarray, " frames"]  # px^2, of the streak in the frame's middle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ratio:
+    """How the power of the same patches differs in two frames, part by part."""
+
+    frames: tuple[int, int]
+    places: Float[np.ndarray, "2 parts 2"]  # px, the column and the row of each part in either frame
+    difference: Float[np.ndarray, "parts taken"]  # of the logarithms, the first frame's less the second's
+    counted: Float[np.ndarray, "parts taken"]  # q
+
+
+def streaks(
+    images: Sequence[Float[np.ndarray, "rows cols"]],
+    moved: Float[np.ndarray, "frames 2"],
+    group: Sequence[int] | Int[np.ndarray, " frames"],
+    camera: Camera,
+    axes: int,
+) -> Streaks:
+    """The streaks of successive frames, along the scanlines, whose points have `moved` by so many px since the first one.
+
+    Only frames of one `group` show the same. `images` may be halved, once or more; streaks, like `moved`, are in px of the camera's frame.
+    """
+    if min(images[0].shape) < SIDE:
+        return Streaks(pose=np.zeros((len(images), axes)), change=np.zeros((len(images), 2)), variance=np.full(len(images), USUAL**2))
+    scale = 1.0
+    while camera.intrinsics.rows > len(images[0]):
+        camera, scale = camera.halved(), scale / 2
+    levels = [(images, camera, scale)]
+    while max(images[0].shape) > COARSE and min(images[0].shape) // 2 >= SIDE:
+        images, camera, scale = [halved_image(image) for image in images], camera.halved(), scale / 2
+        levels.append((images, camera, scale))
+    found = None
+    for images, camera, scale in reversed(levels):
+        ratios = _ratios(images, scale * moved, group)
+        start = _searched(ratios, len(images), axes) if found is None else found.unknowns * np.append(pose_factors(2, axes), [2, 2])
+        found = _Model(camera=camera, ratios=ratios, axes=axes, scale=scale).refined(start)
+        if 2 * np.linalg.norm(found.unknowns[:, :2], axis=1).max() > LONG:
+            break
+    assert found is not None
+    return found.streaks
+
+
+def _ratios(
+    images: Sequence[np.ndarray], moved: Float[np.ndarray, "frames 2"], group: Sequence[int] | Int[np.ndarray, " frames"]
+) -> list[_Ratio]:
+    """Of all frames of a group that are near each other and show the same."""
+    rows, cols = images[0].shape
+    tops, lefts = (np.linspace(0, side - SIDE, count).round().astype(int) for side, count in ((rows, ROWS), (cols, COLS)))
+    at = np.stack(np.meshgrid(lefts, tops), axis=-1).reshape(-1, 2)
+    powers = threads.each(lambda image: _power(image, at), images)
+    noise = threads.each(lambda image: noise_level(image.astype(np.float32)) ** 2, images)
+    part = (PARTS[0] * at[:, 1] // (rows - SIDE + 1)) * PARTS[1] + PARTS[1] * at[:, 0] // (cols - SIDE + 1)
+
+    def ratio(k: int, j: int) -> _Ratio | None:
+        shift = np.rint(moved[j] - moved[k]).astype(int)
+        there = at + shift
+        held = ((there >= 0) & (there <= (cols - SIDE, rows - SIDE))).all(axis=1)
+        if not held.any():
+            return None
+        (one, fine), (other, finer) = (each[held] for each in powers[k]), _power(images[j], there[held])
+        floor = np.maximum(max(noise[k], noise[j]), FINE_NOISE * np.minimum(fine, finer))[:, None]
+        counted = (np.maximum(one, other) > SIGNAL * floor).astype(float)
+        difference = counted * np.log((one + floor) / (other + floor))
+        inside = [part[held] == each for each in np.unique(part[held])]
+        total, q = (np.array([each[some].sum(axis=0) for some in inside]) for each in (difference, counted))
+        middles = np.array([at[held][some].mean(axis=0) for some in inside]) + (SIDE - 1) / 2
+        return _Ratio(frames=(k, j), places=np.stack([middles, middles + shift]), difference=total / np.maximum(q, 1), counted=q)
+
+    near = [(k, j) for k in range(len(images)) for j in range(k + 1, min(len(images), k + REACH + 1)) if group[k] == group[j]]
+    return [found for found in threads.each(lambda pair: ratio(*pair), near) if found]
+
+
+def _power(
+    image: Float[np.ndarray, "rows cols"], at: Int[np.ndarray, "n 2"]
+) -> tuple[Float[np.ndarray, "n taken"], Float[np.ndarray, " n"]]:
+    """The periodograms of the patches whose first column and row these are, in which noise has its variance, and their median at the
+    finest frequencies."""
+    patches = np.stack([image[y : y + SIDE, x : x + SIDE] for x, y in at]).astype(float)
+    level = np.tensordot(patches, _WINDOW) / _WINDOW.sum()
+    periodograms = np.abs(np.fft.rfft2((patches - level[:, None, None]) * _WINDOW)) ** 2
+    return periodograms[:, _TAKEN], np.median(periodograms[:, _FINE], axis=1)
+
+
+def _log_power(streak: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n taken"], Float[np.ndarray, "*n taken 2"]]:
+    """g, and its derivative in the streak."""
+    half = streak @ _W.T / 2
+    phase = np.where(np.abs(half) < _FLAT, _FLAT, half)
+    sinc = np.sin(phase) / phase
+    power = sinc**2 + LEAK
+    slope = sinc * (np.cos(phase) - sinc) / (phase * power)  # of the logarithm, in twice the phase
+    return np.log(power), slope[..., None] * _W
+
+
+def _searched(ratios: Sequence[_Ratio], frames: int, axes: int) -> Float[np.ndarray, "frames unknowns"]:
+    """Streaks that are alike over each frame, to refine."""
+    out = np.zeros((frames, axes + 2))
+    lengths, turns = np.arange(0, LONGEST + STEP / 2, STEP), np.pi * np.arange(TURNS) / TURNS
+    tried = np.unique((lengths[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)).reshape(-1, 2), axis=0)
+    shown = _log_power(tried)[0]
+    beside: list[list[tuple[int, np.ndarray, np.ndarray]]] = [[] for _ in range(frames)]
+    for one in ratios:
+        (k, j), q = one.frames, one.counted.sum(axis=0)
+        difference = (one.counted * one.difference).sum(axis=0) / np.maximum(q, 1)
+        beside[k].append((j, difference, q))
+        beside[j].append((k, -difference, q))
+
+    def best(expected: Float[np.ndarray, "others taken"], q: Float[np.ndarray, "others taken"]) -> np.ndarray:
+        cost = (tried**2).sum(axis=1) / USUAL**2
+        for each, patches in zip(expected, q, strict=True):
+            cost = cost + INDEPENDENT * ASTRAY**2 * (np.log1p(((shown - each) / ASTRAY) ** 2) @ patches)
+        return tried[np.argmin(cost)]
+
+    for k, others in enumerate(beside):
+        if others:  # as if the sharpest one at each frequency were not blurred there
+            sharpest = np.minimum(np.min([difference for _, difference, _ in others], axis=0), 0)
+            out[k, :2] = best(sharpest[None], np.mean([q for *_, q in others], axis=0)[None])
+    for _ in range(ROUNDS):
+        before = out.copy()
+        for k, others in enumerate(beside):
+            if others:
+                expected = np.array([_log_power(out[j, :2])[0] + difference for j, difference, _ in others])
+                out[k, :2] = best(expected, np.array([q for *_, q in others]))
+        if np.array_equal(out, before):
+            break
+    return out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Found:
+    """Streaks in px of one level."""
+
+    unknowns: Float[np.ndarray, "frames unknowns"]  # p and c
+    covariance: Float[np.ndarray, "frames unknowns unknowns"]
+    scale: float
+
+    @property
+    def streaks(self) -> Streaks:
+        """In px of the frame."""
+        axes = self.unknowns.shape[1] - 2
+        return Streaks(
+            pose=self.unknowns[:, :axes] / pose_factors(self.scale, axes),
+            change=self.unknowns[:, axes:] / self.scale,
+            variance=np.trace(self.covariance[:, :2, :2], axis1=1, axis2=2) / self.scale**2,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Model:
+    """What streaks leave unexplained of the ratios between frames."""
+
+    camera: Camera
+    ratios: Sequence[_Ratio]
+    axes: int
+    scale: float
+
+    @cached_property
+    def designs(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The derivative of the streak in the unknowns, (parts, 2, unknowns), in the first frame of each ratio and in the second."""
+        lens = self.camera.intrinsics
+
+        def design(places: Float[np.ndarray, "parts 2"]) -> np.ndarray:
+            x, y = places.T
+            height = (y - (lens.rows - 1) / 2) / lens.rows
+            return np.concatenate([lever(lens, x, y, self.axes), height[:, None, None] * np.eye(2)], axis=-1)
+
+        return [(design(one.places[0]), design(one.places[1])) for one in self.ratios]
+
+    def refined(self, start: Float[np.ndarray, "frames unknowns"]) -> _Found:
+        """The streaks of least cost near others."""
+        frames, count = start.shape
+        side = max(self.camera.intrinsics.cols, self.camera.intrinsics.rows) / 2
+        spread = np.array([USUAL, USUAL, *([USUAL / side] * (self.axes - 2)), CHANGE, CHANGE])
+        prior = np.tile(spread**-2, frames)
+        found = start
+        normal, right, cost = self._normal(found, prior)
+        damping = DAMPING
+        for _ in range(STEPS):
+            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), right).reshape(frames, count)
+            after = self._normal(found + step, prior)
+            if after[2] < cost:
+                found, (normal, right, cost), damping = found + step, after, damping / 10
+            else:
+                damping *= 10
+        covariance = np.linalg.inv(normal).reshape(frames, count, frames, count)
+        return _Found(unknowns=found, covariance=np.stack([covariance[k, :, k] for k in range(frames)]), scale=self.scale)
+
+    def _normal(self, unknowns: Float[np.ndarray, "frames unknowns"], prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Gauss-Newton's matrix and right side, and the cost."""
+        frames, count = unknowns.shape
+        normal, right = np.zeros((frames, count, frames, count)), np.zeros((frames, count))
+        cost = 0.5 * float(prior @ unknowns.ravel() ** 2)
+        for one, designs in zip(self.ratios, self.designs, strict=True):
+            left, slopes = -one.difference, list[np.ndarray]()
+            for frame, design, sign in zip(one.frames, designs, (1, -1), strict=True):
+                value, slope = _log_power(design @ unknowns[frame])
+                left = left + sign * value
+                slopes.append(sign * (slope @ design).reshape(-1, count))
+            size = (left / ASTRAY) ** 2
+            weight = (INDEPENDENT * one.counted / (1 + size)).ravel()
+            cost += 0.5 * INDEPENDENT * ASTRAY**2 * float((one.counted * np.log1p(size)).sum())
+            for frame, slope in zip(one.frames, slopes, strict=True):
+                right[frame] -= slope.T @ (weight * left.ravel())
+                for other, beside in zip(one.frames, slopes, strict=True):
+                    normal[frame, :, other] += (slope * weight[:, None]).T @ beside
+        right -= prior.reshape(frames, count) * unknowns
+        return normal.reshape(frames * count, -1) + np.diag(prior), right.ravel(), cost

@@ -1,0 +1,63 @@
+"""The motion of a run that was stabilised: from frame to frame as its points show it, and within each frame as its own blur does.
+
+A stabiliser shifts frames after they were exposed, and may put their scanlines straight. Then the path between the frames says nothing of
+their blur, which `relative_blur` finds without it; its sense does not show, so nothing is straightened. Whether the frames come
+into focus along their streaks tells whether these are right, as of any other path.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from rsvideo.physics.camera import Intrinsics
+from rsvideo.restoration.camera_path import PATH_ERROR, polynomial
+from rsvideo.restoration.clip_motion import Followed, Run, movement_along, movement_of, votes_along
+from rsvideo.restoration.movement import Evidence, Movement, groups
+from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.relative_blur import streaks
+from rsvideo.restoration.trust import blur_share, deviations, run_share
+
+
+def movement(followed: Followed) -> Movement:
+    """The motion of a run whose points show no readout, in image axes: with streaks, or along the path that its points show.
+
+    In an even pan, which blurs all frames alike, these are in better focus along that path.
+    """
+    run, path = followed.run, followed.path.spline
+    found = streaks([frame.pixels[..., 0] for frame in run.small], _moved(run), groups(run.tied), run.camera, run.axes)
+    timings = [run.timing(k) for k in range(len(run.begins))]
+    along = (found.pose * np.gradient(path.at(run.begins + run.camera.timing.middle), axis=0))[:, :2].sum(axis=1)
+    sense = np.where(along < 0, -1, 1)[:, None]  # as the points move, if either is as likely
+    within = [
+        polynomial(timing, 2, run.axes).with_coefficients(np.stack([0 * pose, pose / np.sqrt(12)]))
+        for timing, pose in zip(timings, sense * found.pose, strict=True)
+    ]
+    changes = zip(timings, sense * found.change, strict=True)
+    flows = [_by_scanline(-change / timing.exposure, run.camera.intrinsics) for timing, change in changes]
+    power = (found.pose[:, :2] ** 2).sum(axis=1)
+    certain = power / (power + found.variance)
+    votes = votes_along(run, within, flows)
+    if deviations(votes) <= deviations(followed.votes):
+        return movement_along(followed)
+    shares = run_share(votes) * blur_share(certain)
+    evidence = [
+        Evidence(flow=flow, error=float(np.hypot(PATH_ERROR, std)), share=float(share), certainty=1.0, blur_certainty=float(certainty))
+        for flow, std, share, certainty in zip(flows, np.sqrt(found.variance), shares, certain, strict=True)
+    ]
+    between = movement_of(run, path, run.followed)
+    shown = [piece if followed else None for piece, followed in zip(within, run.followed, strict=True)]
+    return replace(between, within=replace(between, within=[*shown]).in_image(run.direction).within, evidence=evidence)
+
+
+def _moved(run: Run) -> Float[np.ndarray, "frames 2"]:
+    """How far the points of each frame have moved since the first one, px."""
+    steps = [np.median(link.after - link.before, axis=0) if len(link.before) else np.zeros(2) for link in run.links]
+    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]) if steps else np.zeros((len(run.begins), 2))
+
+
+def _by_scanline(change: Float[np.ndarray, " 2"], lens: Intrinsics) -> Flow:
+    """A field that rises by so many px/s over the frame's height, evenly, and is 0 in its middle."""
+    x, y, reach, far = (lens.cols - 1) / 2, (lens.rows - 1) / 2, lens.rows / 4, 8 * max(lens.rows, lens.cols)
+    unit = Flow(points=np.array([[x, y - reach], [x, y + reach]]), weights=np.array([[-1.0, 0], [1, 0]]), length=far)
+    return replace(unit, weights=np.outer([-1, 1], change / 2 / unit.at(np.array([[x, y + lens.rows / 2]]))[0, 0]))
