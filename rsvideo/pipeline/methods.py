@@ -73,12 +73,10 @@ def movement(treatment: Treatment, frames: Iterable[Frame], begins: Float[np.nda
     if treatment.method is Method.RSVIDEO and treatment.settings.frames != "cold":
         run = run_of(treatment, frames, observe)
         if not run.followed.any():
-            moving = clip_motion.movement(run)
-        elif treatment.readout_guessed and not run.camera.timing.readout:
-            moving = stabilised.movement(Followed.of(run))
-        else:
-            moving = clip_motion.movement_along(exposure.followed(run) if treatment.exposure_doubtful else Followed.of(run))
-        return moving.of_pictures(run.pictures)
+            return clip_motion.movement(run).of_pictures(run.pictures)
+        found = exposure.followed(run) if treatment.exposure_doubtful else Followed.of(run)
+        along = clip_motion.movement_along if run.camera.timing.readout else stabilised.movement
+        return along(found).of_pictures(run.pictures)
     return Movement.unfollowed(len(begins), 3)
 
 

@@ -18,11 +18,14 @@ from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.relative_blur import streaks
 from rsvideo.restoration.trust import blur_share, deviations, run_share
 
+BELIEVED = 0.5  # standard deviations of a run's focus, by which what is not believed must be better
+
 
 def movement(followed: Followed) -> Movement:
-    """The motion of a run whose points show no readout, in image axes: with streaks, or along the path that its points show.
+    """The motion of a run without a readout, in image axes: with streaks, or along the path that its points show.
 
-    In an even pan, which blurs all frames alike, these are in better focus along that path.
+    A path is believed of a global shutter, and streaks where a readout is no more than not shown, unless its frames are in better focus with
+    the other: in an even pan, which blurs all of them alike, along the path.
     """
     run, path = followed.run, followed.path.spline
     found = streaks([frame.pixels[..., 0] for frame in run.small], _moved(run), groups(run.tied), run.camera, run.axes)
@@ -38,7 +41,7 @@ def movement(followed: Followed) -> Movement:
     power = (found.pose[:, :2] ** 2).sum(axis=1)
     certain = power / (power + found.variance)
     votes = votes_along(run, within, flows)
-    if deviations(votes) <= deviations(followed.votes):
+    if deviations(votes) - deviations(followed.votes) <= (-BELIEVED if run.readout_guessed else BELIEVED):
         return movement_along(followed)
     shares = run_share(votes) * blur_share(certain)
     evidence = [

@@ -66,6 +66,18 @@ def test_frames_that_were_shifted_are_deblurred() -> None:
     assert sum(each.verdict is Verdict.RESTORED for each in done) > 5
 
 
+@pytest.mark.parametrize("guessed", [True, False])
+def test_streaks_are_believed_where_a_readout_is_not_shown_and_a_path_where_there_is_none(
+    guessed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames, camera = steadied()
+    followed = Followed.of(replace(gather(frames, camera, Settings()), readout_guessed=guessed))
+    monkeypatch.setattr(stabilised, "deviations", lambda _votes: 2.0)  # in focus along either
+    found = stabilised.movement(followed)
+    terms = {len(way.coefficients) for way in found.within if way}
+    assert (terms == {2}) == guessed
+
+
 def test_an_even_pan_which_blurs_all_frames_alike_keeps_the_path_that_points_show() -> None:
     class Panning(Moving):
         @cached_property
