@@ -24,8 +24,8 @@ BELIEVED = 0.5  # standard deviations of a run's focus, by which what is not bel
 def movement(followed: Followed) -> Movement:
     """The motion of a run without a readout, in image axes: with streaks, or along the path that its points show.
 
-    A path is believed of a global shutter, and streaks where a readout is no more than not shown, unless its frames are in better focus with
-    the other: in an even pan, which blurs all of them alike, along the path.
+    A path is believed of a global shutter, and streaks where a readout is only not shown, unless frames are in better focus with the other:
+    in an even pan, which blurs all of them alike, along the path.
     """
     run, path = followed.run, followed.path.spline
     found = streaks([frame.pixels[..., 0] for frame in run.small], _moved(run), groups(run.tied), run.camera, run.axes)
