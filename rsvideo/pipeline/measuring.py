@@ -258,7 +258,9 @@ def _readout(run: Run, period: float, direction: Direction, near: float | None =
             direction=direction.opposite if backwards else None,
             stabilised=isinstance(error, StabilisedError),
         )
-    if found.direction in (None, direction) or found.readout < LEAST_CONTRARY * period:
+    if found.direction is None:
+        return _Readout(seconds=0.0)
+    if found.direction is direction or found.readout < LEAST_CONTRARY * period:
         return _Readout(seconds=round(found.readout, DECIMALS))
     return _Readout(seconds=None, unclear=(f"readout: its motion shows that it runs {found.direction}",), direction=found.direction)
 

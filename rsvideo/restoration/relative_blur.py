@@ -42,9 +42,10 @@ LEAK = 0.01  # of the scene's power, that a patch shows where its blur is dark; 
 COARSE = 480  # px of the longer side at most, at which streaks are searched
 LONGEST, STEP, TURNS = 24.0, 0.5, 36  # px of the longest one that is tried, and from one to the next; and directions
 ROUNDS = 8  # in which each frame may get another one
+SCALES = 16.0, 8.0, 4.0, 2.0, 1.0  # times A, with which each gets another one: graduated non-convexity
 LONG = 16.0  # px, from which on a streak is not refined at a higher resolution
 USUAL, CHANGE = 30.0, 3.0  # px: P, over the frame, and C
-STEPS = 12  # of Levenberg and Marquardt's method
+STEPS, ENOUGH = 12, 1e-4  # of Levenberg and Marquardt's method, at most, and the relative fall of the cost that ends them
 ASTRAY = 0.3  # A; 0.2 does as well, 1.2 worse
 INDEPENDENT = 0.0005  # of a patch's frequencies, those that are as good as independent: streaks are then off as their variance says
 DAMPING = 1e-3  # of the normal matrix's diagonal, at first
@@ -168,8 +169,8 @@ def _log_power(streak: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n
 def _searched(ratios: Sequence[_Ratio], frames: int, axes: int) -> Float[np.ndarray, "frames unknowns"]:
     """Streaks that are alike over each frame, to refine."""
     out = np.zeros((frames, axes + 2))
-    lengths, turns = np.arange(0, LONGEST + STEP / 2, STEP), np.pi * np.arange(TURNS) / TURNS
-    tried = np.unique((lengths[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)).reshape(-1, 2), axis=0)
+    reaches, turns = np.arange(0, LONGEST + STEP / 2, STEP), np.pi * np.arange(TURNS) / TURNS
+    tried = np.unique((reaches[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)).reshape(-1, 2), axis=0)
     shown = _log_power(tried)[0]
     beside: list[list[tuple[int, np.ndarray, np.ndarray]]] = [[] for _ in range(frames)]
     for one in ratios:
@@ -178,22 +179,28 @@ def _searched(ratios: Sequence[_Ratio], frames: int, axes: int) -> Float[np.ndar
         beside[k].append((j, difference, q))
         beside[j].append((k, -difference, q))
 
-    def best(expected: Float[np.ndarray, "others taken"], q: Float[np.ndarray, "others taken"]) -> np.ndarray:
-        cost = (tried**2).sum(axis=1) / USUAL**2
-        for each, patches in zip(expected, q, strict=True):
-            cost = cost + INDEPENDENT * ASTRAY**2 * (np.log1p(((shown - each) / ASTRAY) ** 2) @ patches)
-        return tried[np.argmin(cost)]
+    squares, lengths = shown**2, (tried**2).sum(axis=1)
+
+    def best(expected: Float[np.ndarray, "others taken"], q: Float[np.ndarray, "others taken"], before: np.ndarray) -> np.ndarray:
+        likeliest = [before]
+        for scale in SCALES:
+            weight = INDEPENDENT * q / (1 + ((_log_power(likeliest[-1])[0] - expected) / (scale * ASTRAY)) ** 2)
+            cost = squares @ weight.sum(axis=0) - 2 * shown @ (weight * expected).sum(axis=0) + lengths / USUAL**2
+            likeliest.append(tried[np.argmin(cost)])
+        values = _log_power(np.array(likeliest))[0][:, None]
+        costs = INDEPENDENT * ASTRAY**2 * (q * np.log1p(((values - expected) / ASTRAY) ** 2)).sum(axis=(1, 2))
+        return likeliest[int(np.argmin(costs + (np.array(likeliest) ** 2).sum(axis=1) / USUAL**2))]
 
     for k, others in enumerate(beside):
         if others:  # as if the sharpest one at each frequency were not blurred there
             sharpest = np.minimum(np.min([difference for _, difference, _ in others], axis=0), 0)
-            out[k, :2] = best(sharpest[None], np.mean([q for *_, q in others], axis=0)[None])
+            out[k, :2] = best(sharpest[None], np.mean([q for *_, q in others], axis=0)[None], np.zeros(2))
     for _ in range(ROUNDS):
         before = out.copy()
         for k, others in enumerate(beside):
             if others:
                 expected = np.array([_log_power(out[j, :2])[0] + difference for j, difference, _ in others])
-                out[k, :2] = best(expected, np.array([q for *_, q in others]))
+                out[k, :2] = best(expected, np.array([q for *_, q in others]), out[k, :2])
         if np.array_equal(out, before):
             break
     return out
@@ -251,10 +258,13 @@ class _Model:
         for _ in range(STEPS):
             step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), right).reshape(frames, count)
             after = self._normal(found + step, prior)
-            if after[2] < cost:
+            gained = cost - after[2]
+            if gained > 0:
                 found, (normal, right, cost), damping = found + step, after, damping / 10
             else:
                 damping *= 10
+            if 0 < gained < ENOUGH * cost:
+                break
         covariance = np.linalg.inv(normal).reshape(frames, count, frames, count)
         return _Found(unknowns=found, covariance=np.stack([covariance[k, :, k] for k in range(frames)]), scale=self.scale)
 

@@ -214,10 +214,8 @@ def _overruled(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fa
     if shown is None or shown.contrary is None or given.force or sources.fps is None:
         return None
     taken = _from_motion(shown, sources.fps)
-    words = f"motion shows one of {ms(taken.value)}: that is taken"
-    if not shown.contrary:
-        words = "motion shows none: none is taken; was it stabilised?"
-    return taken, f"a readout of {ms(stated.value)} by {stated.source}, but the clip's {words}, --readout takes another"
+    words = f"one of {ms(taken.value)}: that is taken" if shown.contrary else "none, as if it was stabilised: none is taken"
+    return taken, f"a readout of {ms(stated.value)} by {stated.source}, but the clip's motion shows {words}; --readout takes another"
 
 
 def _contrary(stated: Fact[float], given: Camera, sources: Sources) -> tuple[str, ...]:

@@ -266,7 +266,7 @@ def test_a_stated_readout_of_a_stabilised_clip_is_taken_and_the_user_is_told() -
 
 
 @pytest.mark.parametrize(
-    ("contrary", "words"), [(0.01, "motion shows one of 10 ms: that is taken"), (0.0, "none is taken; was it stabilised?")]
+    ("contrary", "words"), [(0.01, "motion shows one of 10 ms: that is taken"), (0.0, "as if it was stabilised: none is taken")]
 )
 def test_what_the_clip_shows_against_a_readout_is_taken_where_nobody_typed_that_in(contrary: float, words: str) -> None:
     shown = replace(STATED, measured=Measured(readout=contrary, readout_deviation=0.0 if contrary else 0.02, contrary=contrary))
