@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import truncnorm
 
 from calibration.timing.cannot_tell import CannotTellError, Likeliest, StabilisedError, TooFewPointsError
+from calibration.timing.self_calibration import Explained
 from rsvideo.config.request import Camera, Measured, Request, Sections
 from rsvideo.physics.camera import Camera as Optics
 from rsvideo.physics.camera import Intrinsics
@@ -148,6 +149,19 @@ def test_motion_that_shows_no_readout_gives_none_and_too_few_points_say_nothing(
     assert shown.taken == (None if isinstance(error, TooFewPointsError) else 0.0)
     assert Measured(readout=shown.taken, readout_deviation=shown.deviation).readout_guessed
     assert shown.stabilised == isinstance(error, StabilisedError)
+
+
+@pytest.mark.parametrize(("direction", "seconds"), [(None, 0.0), (Direction.TOP_TO_BOTTOM, 0.0002)])
+def test_a_readout_that_motion_shows_to_be_none_is_none(
+    direction: Direction | None, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = Explained(
+        readout=0.0002, std=0.0003, direction=direction, curvature=1.0, over_global=0.0, pairs=11, readouts=np.zeros(1), costs=np.zeros(1)
+    )
+    monkeypatch.setattr(measuring, "explain", lambda *_args, **_words: shown)
+    found = measuring._readout(gather(FILMED.recorded[:1], FILMED.camera, Settings()), PERIOD, Direction.TOP_TO_BOTTOM)
+    assert (found.seconds, found.taken, found.none) == (seconds, seconds, False)
+    assert not Measured(readout=found.taken, readout_deviation=found.deviation).readout_guessed
 
 
 def test_a_stated_readout_is_taken_and_motion_that_plainly_shows_another_is_told() -> None:
