@@ -14,8 +14,9 @@ from rsvideo.frame import Verdict
 from rsvideo.pipeline import gyro_alignment, methods, output
 from rsvideo.pipeline.methods import Treatment
 from rsvideo.report.metrics import psnr
-from rsvideo.restoration import clip_motion
+from rsvideo.restoration import clip_motion, stabilised
 from rsvideo.restoration.camera_path import CameraPath, follow
+from rsvideo.restoration.clip_motion import Followed
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import Moving, planes
 
@@ -94,6 +95,15 @@ def test_no_method_looks_for_tones_with_a_readout_that_is_a_guess(method: Method
     clip = moving()
     methods.movement(replace(treatment(method), readout_guessed=guessed), iter(clip.recorded), clip.begins)
     assert set(toned) == {not guessed}
+
+
+@pytest.mark.parametrize("readout", [0.0, 0.02])
+def test_only_frames_without_a_readout_may_be_deblurred_along_streaks(readout: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    found: list[Followed] = []
+    monkeypatch.setattr(stabilised, "movement", lambda run: found.append(run) or clip_motion.movement_along(run))
+    clip = Moving(frames=3, readout=readout)
+    methods.movement(replace(treatment(Method.RSVIDEO), camera=clip.camera), iter(clip.recorded), clip.begins)
+    assert bool(found) == (readout == 0)
 
 
 @pytest.mark.slow
