@@ -15,7 +15,7 @@ from rsvideo.restoration.camera_path import PATH_ERROR, polynomial
 from rsvideo.restoration.clip_motion import Followed, Run, movement_along, movement_of, votes_along
 from rsvideo.restoration.movement import Evidence, Movement, groups
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.relative_blur import streaks
+from rsvideo.restoration.relative_blur import Streaks, streaks
 from rsvideo.restoration.trust import blur_share, deviations, run_share
 
 BELIEVED = 0.5  # standard deviations of a run's focus, by which what is not believed must be better
@@ -28,7 +28,7 @@ def movement(followed: Followed) -> Movement:
     in an even pan, which blurs all of them alike, along the path.
     """
     run, path = followed.run, followed.path.spline
-    found = streaks([frame.pixels[..., 0] for frame in run.small], _moved(run), groups(run.tied), run.camera, run.axes)
+    found = streaks_of(run)
     timings = [run.timing(k) for k in range(len(run.begins))]
     along = (found.pose * np.gradient(path.at(run.begins + run.camera.timing.middle), axis=0))[:, :2].sum(axis=1)
     sense = np.where(along < 0, -1, 1)[:, None]  # as the points move, if either is as likely
@@ -51,6 +51,11 @@ def movement(followed: Followed) -> Movement:
     between = movement_of(run, path, run.followed)
     shown = [piece if followed else None for piece, followed in zip(within, run.followed, strict=True)]
     return replace(between, within=replace(between, within=[*shown]).in_image(run.direction).within, evidence=evidence)
+
+
+def streaks_of(run: Run) -> Streaks:
+    """The streaks of its frames, along the scanlines, px of the frame."""
+    return streaks([frame.pixels[..., 0] for frame in run.small], _moved(run), groups(run.tied), run.camera, run.axes)
 
 
 def _moved(run: Run) -> Float[np.ndarray, "frames 2"]:
