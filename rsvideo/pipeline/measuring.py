@@ -51,8 +51,8 @@ def needed(given: Stated, sources: Sources) -> bool:
 
 def unstated(given: Stated, sources: Sources) -> bool:
     """Whether nobody states the exposure, or nobody the readout; ValueError where a time that is stated cannot be."""
-    exposure, _ = timing.exposure_of(given, sources)
-    return exposure is None or readout_unknown(given, sources)
+    (exposure, _), unknown = timing.exposure_of(given, sources), readout_unknown(given, sources)
+    return exposure is None or unknown
 
 
 def readout_unknown(given: Stated, sources: Sources) -> bool:

@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from cases import cases_of, facts_of
 
 Motion = Literal["rotation", "shift"]
 Crop = tuple[int, int] | None  # rows, cols
@@ -113,6 +112,8 @@ def gains_of(case: Path, motion: Motion, crop: Crop, number: str | None, factor:
 
 def gain_of_still(case: Path, motion: Motion, crop: Crop, number: str | None, factor: float, known: bool) -> float:
     """The same of a still."""
+    from cases import facts_of
+
     import rsvideo
     from rsvideo.physics.tone import Transfer, encode
     from rsvideo.report.metrics import psnr
@@ -157,6 +158,8 @@ def scaled(number: str | None, factor: float) -> Iterator[None]:
 
 def main() -> None:
     """Measure, and write FILE as each number is done."""
+    from cases import cases_of
+
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", type=Path)
     parser.add_argument("-o", "--output", type=Path, required=True)
