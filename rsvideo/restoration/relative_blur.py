@@ -24,14 +24,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from rsvideo import threads
 from rsvideo.physics.camera import Camera, lever
 from rsvideo.physics.noise_level import noise_level
 from rsvideo.restoration.resolution import halved_image, pose_factors
+from rsvideo.restoration.spectrum import SIDE, windowed
 
-SIDE = 64  # px of a patch
 ROWS, COLS = 7, 14  # of patches
 PARTS = 4, 2  # of the picture, down and across, in which ratios are averaged
 REACH = 4  # frames before and behind one that it is compared with; these four by trial
@@ -52,17 +52,10 @@ DAMPING = 1e-3  # of the normal matrix's diagonal, at first
 _FLAT = 1e-3  # rad, a phase below which g is as flat as at rest
 
 
-def _frequencies() -> tuple[Float[np.ndarray, "taken 2"], Bool[np.ndarray, "side half"]]:
-    across, down = np.meshgrid(2 * np.pi * np.fft.rfftfreq(SIDE), 2 * np.pi * np.fft.fftfreq(SIDE))
-    magnitude = np.hypot(across, down)
-    taken = (magnitude > LOWEST * 2 * np.pi / SIDE) & (magnitude < HIGHEST)
-    return np.stack([across[taken], down[taken]], axis=-1), taken
-
-
-_W, _TAKEN = _frequencies()  # rad a px, across and down
-_FINE = np.hypot(*np.meshgrid(2 * np.pi * np.fft.rfftfreq(SIDE), 2 * np.pi * np.fft.fftfreq(SIDE))) > FINE
-_WINDOW = np.outer(np.hanning(SIDE + 2)[1:-1], np.hanning(SIDE + 2)[1:-1])
-_WINDOW /= np.sqrt((_WINDOW**2).sum())
+_ALL = np.stack(np.meshgrid(2 * np.pi * np.fft.rfftfreq(SIDE), 2 * np.pi * np.fft.fftfreq(SIDE)), axis=-1)  # rad a px, across and down
+_MAGNITUDE = np.hypot(_ALL[..., 0], _ALL[..., 1])
+_TAKEN, _FINE = (LOWEST * 2 * np.pi / SIDE < _MAGNITUDE) & (_MAGNITUDE < HIGHEST), _MAGNITUDE > FINE
+_W = _ALL[_TAKEN]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,15 +97,16 @@ def streaks(
     while max(images[0].shape) > COARSE and min(images[0].shape) // 2 >= SIDE:
         images, camera, scale = [halved_image(image) for image in images], camera.halved(), scale / 2
         levels.append((images, camera, scale))
-    found = None
+    unknowns, variance = None, np.zeros(len(images))
     for images, camera, scale in reversed(levels):
         ratios = _ratios(images, scale * moved, group)
-        start = _searched(ratios, len(images), axes) if found is None else found.unknowns * np.append(pose_factors(2, axes), [2, 2])
-        found = _Model(camera=camera, ratios=ratios, axes=axes, scale=scale).refined(start)
-        if 2 * np.linalg.norm(found.unknowns[:, :2], axis=1).max() > LONG:
+        start = _searched(ratios, len(images), axes) if unknowns is None else unknowns * np.append(pose_factors(2, axes), [2, 2])
+        unknowns, variance = _Model(camera=camera, ratios=ratios, axes=axes).refined(start)
+        if 2 * np.linalg.norm(unknowns[:, :2], axis=1).max() > LONG:
             break
-    assert found is not None
-    return found.streaks
+    assert unknowns is not None
+    pose, change = np.split(unknowns, [axes], axis=1)
+    return Streaks(pose=pose / pose_factors(scale, axes), change=change / scale, variance=variance / scale**2)
 
 
 def _ratios(
@@ -151,8 +145,7 @@ def _power(
     """The periodograms of the patches whose first column and row these are, in which noise has its variance, and their median at the
     finest frequencies."""
     patches = np.stack([image[y : y + SIDE, x : x + SIDE] for x, y in at]).astype(float)
-    level = np.tensordot(patches, _WINDOW) / _WINDOW.sum()
-    periodograms = np.abs(np.fft.rfft2((patches - level[:, None, None]) * _WINDOW)) ** 2
+    periodograms = np.abs(windowed(patches)) ** 2
     return periodograms[:, _TAKEN], np.median(periodograms[:, _FINE], axis=1)
 
 
@@ -207,32 +200,12 @@ def _searched(ratios: Sequence[_Ratio], frames: int, axes: int) -> Float[np.ndar
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Found:
-    """Streaks in px of one level."""
-
-    unknowns: Float[np.ndarray, "frames unknowns"]  # p and c
-    covariance: Float[np.ndarray, "frames unknowns unknowns"]
-    scale: float
-
-    @property
-    def streaks(self) -> Streaks:
-        """In px of the frame."""
-        axes = self.unknowns.shape[1] - 2
-        return Streaks(
-            pose=self.unknowns[:, :axes] / pose_factors(self.scale, axes),
-            change=self.unknowns[:, axes:] / self.scale,
-            variance=np.trace(self.covariance[:, :2, :2], axis1=1, axis2=2) / self.scale**2,
-        )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Model:
     """What streaks leave unexplained of the ratios between frames."""
 
     camera: Camera
     ratios: Sequence[_Ratio]
     axes: int
-    scale: float
 
     @cached_property
     def designs(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -246,8 +219,10 @@ class _Model:
 
         return [(design(one.places[0]), design(one.places[1])) for one in self.ratios]
 
-    def refined(self, start: Float[np.ndarray, "frames unknowns"]) -> _Found:
-        """The streaks of least cost near others."""
+    def refined(
+        self, start: Float[np.ndarray, "frames unknowns"]
+    ) -> tuple[Float[np.ndarray, "frames unknowns"], Float[np.ndarray, " frames"]]:
+        """The streaks of least cost near others, and the variance of those in the frames' middles, px^2."""
         frames, count = start.shape
         side = max(self.camera.intrinsics.cols, self.camera.intrinsics.rows) / 2
         spread = np.array([USUAL, USUAL, *([USUAL / side] * (self.axes - 2)), CHANGE, CHANGE])
@@ -266,7 +241,7 @@ class _Model:
             if 0 < gained < ENOUGH * cost:
                 break
         covariance = np.linalg.inv(normal).reshape(frames, count, frames, count)
-        return _Found(unknowns=found, covariance=np.stack([covariance[k, :, k] for k in range(frames)]), scale=self.scale)
+        return found, np.array([np.trace(covariance[k, :2, k, :2]) for k in range(frames)])
 
     def _normal(self, unknowns: Float[np.ndarray, "frames unknowns"], prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Gauss-Newton's matrix and right side, and the cost."""

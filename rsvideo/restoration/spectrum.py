@@ -105,9 +105,13 @@ def _textured(
     variance = patches.var(axis=(1, 2), dtype=float)
     held = (valid.mean(axis=(1, 2)) >= VALID) & (variance >= CONTRAST * scene.noise**2 + scene.least_texture)
     patches = patches[held].astype(float)
+    return np.tile(lefts + (SIDE - 1) / 2, len(tops))[held], variance[held], np.abs(windowed(patches)[:, *_KEPT]) ** 2
+
+
+def windowed(patches: Float[np.ndarray, "n side side"]) -> Complex[np.ndarray, "n side half"]:
+    """The Fourier transform of patches of SIDE px under a window, less their mean under it; of noise its mean square is the variance."""
     level = np.tensordot(patches, _WINDOW) / _WINDOW.sum()
-    spectra = np.fft.rfft2((patches - level[:, None, None]) * _WINDOW)[:, *_KEPT]
-    return np.tile(lefts + (SIDE - 1) / 2, len(tops))[held], variance[held], np.abs(spectra) ** 2
+    return np.fft.rfft2((patches - level[:, None, None]) * _WINDOW)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,6 +16,7 @@ from rsvideo.restoration.clip_motion import Followed, Run, movement_along, movem
 from rsvideo.restoration.movement import Evidence, Movement, groups
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.relative_blur import Streaks, streaks
+from rsvideo.restoration.scanlines import path_in_image
 from rsvideo.restoration.trust import blur_share, deviations, run_share
 
 BELIEVED = 0.5  # standard deviations of a run's focus, by which what is not believed must be better
@@ -49,8 +50,8 @@ def movement(followed: Followed) -> Movement:
         for flow, std, share, certainty in zip(flows, np.sqrt(found.variance), shares, certain, strict=True)
     ]
     between = movement_of(run, path, run.followed)
-    shown = [piece if followed else None for piece, followed in zip(within, run.followed, strict=True)]
-    return replace(between, within=replace(between, within=[*shown]).in_image(run.direction).within, evidence=evidence)
+    shown = [path_in_image(piece, run.direction) if held else None for piece, held in zip(within, run.followed, strict=True)]
+    return replace(between, within=shown, evidence=evidence)
 
 
 def streaks_of(run: Run) -> Streaks:

@@ -265,11 +265,15 @@ def _scanlines(sources: Sources, direction: Direction) -> int:
 
 def readout_typed(given: Camera) -> bool:
     """Whether the request itself states the readout."""
-    return any(each is not None for each in (given.readout, given.row_time, given.scanlines_total))
+    return any(value is not None for value in _readout_options(given).values())
+
+
+def _readout_options(given: Camera) -> dict[str, float | None]:
+    return {"--readout": given.readout, "--row-time": given.row_time, "--scanlines-total": given.scanlines_total}
 
 
 def _given_readout(given: Camera, sources: Sources) -> Fact[float] | None:
-    options = {"--readout": given.readout, "--row-time": given.row_time, "--scanlines-total": given.scanlines_total}
+    options = _readout_options(given)
     chosen = [name for name, value in options.items() if value is not None]
     if len(chosen) > 1:
         if sources.fps is None:
