@@ -143,7 +143,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
 
     def taken(readout: float | None) -> Run:
         by = camera(half if readout is None else readout, lens.pixels)
-        return replace(run.taken_by(by), readout_guessed=readout is None, misfits={})
+        return replace(run.taken_by(by), readout_guessed=readout is None, misfits={}, compared={})
 
     stated = None if readout_unknown(given, sources) else timing.readout_of(given, sources)[0]
     contrary = _contrary(shown, stated.value, period) if stated else None

@@ -47,7 +47,7 @@ from rsvideo.restoration.refinement import SCALE
 from rsvideo.restoration.scanlines import to_scanlines
 from rsvideo.restoration.scene import Scene, halved, reduced, scene_of, windowed
 from rsvideo.restoration.settings import Effort, Settings
-from rsvideo.restoration.tracks import Tracks, codes, track
+from rsvideo.restoration.tracks import Tracks, codes, displaced, track
 from rsvideo.restoration.trust import SHORT, blur_share, run_share
 
 TRUST = 2e-3  # tau; origin: by trial
@@ -81,6 +81,7 @@ class Run:
     seeming: Float[np.ndarray, " frames"] | None = None  # s, exposures with softness, with which frames come into focus; None: their own
     readout_guessed: bool = False  # whether the readout is no more than a guess; points show no tones then
     misfits: dict[int, Float[np.ndarray, " tried"]] = field(default_factory=dict)  # of frames, to exposures, whatever is believed
+    compared: dict[tuple[int, int], Float[np.ndarray, "_ 3"]] = field(default_factory=dict)  # the same of pairs of frames
 
     @property
     def direction(self) -> Direction:
@@ -146,6 +147,10 @@ class Run:
         """Whether points of a frame were followed at all, from the one before or to the next."""
         tied = self.tied
         return np.array([any(tied[max(k - 1, 0) : k + 1]) for k in range(len(tied))], bool)
+
+    def displaced(self, k: int, j: int, places: Float[np.ndarray, "places 2"]) -> Float[np.ndarray, "places 2"]:
+        """How far what is at these places of frame k has moved in a later frame j, px."""
+        return displaced(self.links[k:j], places)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,7 +17,8 @@ with p(y) half at 0 and half in Cauchy's distribution about it: mostly the expos
 
 Lens and codec leave z px of softness in all frames alike. Variances of blurs add, so that the slower a frame moves, by u_k px/s, the
 longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells the exposures without
-softness, and which ones it allows.
+softness, and which ones it allows. It takes in how frames' blur differs from each other, too (restoration.relative_exposure), in which
+softness does not show; with a share w of clips in which that shows nothing, as where patches are of several depths.
 """
 
 from collections.abc import Sequence
@@ -34,6 +35,7 @@ from rsvideo.restoration.camera_path import CameraPath, within
 from rsvideo.restoration.clip_motion import Followed, Run, beside, path_from_tracks, scene_at, votes
 from rsvideo.restoration.extent import longest, sampled
 from rsvideo.restoration.parallax import Flow
+from rsvideo.restoration.relative_exposure import compared
 from rsvideo.restoration.scene import TILED_COLS, Scene, windowed
 from rsvideo.restoration.spectrum import Spectrum, patches
 from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
@@ -48,7 +50,7 @@ FEWEST = 3  # of them
 INDEPENDENT = 10.0  # b: numbers in a frame's spectra that are as good as independent; chosen, as the next, on 60 clips
 FOCUSED = 0.3  # h: from 0.2 to 0.4 the errors differ little, and the share that is answered by a tenth
 SOFTNESS = 0.5  # g: from 0.3 to 1 little differs where blur is plain, the more the longer short blurs appear
-ASTRAY = 0.2  # w: of the frames, those that show nothing
+ASTRAY = 0.2  # w: of the frames, those that show nothing, and of clips, those in which blur that differs does not; 0.1 does as well
 PLAIN = 2.5  # px of blur, which an answer must leave in the middle one of these frames; less may be a lens's or a codec's
 SURE = 0.975  # of what is shown: exposures beyond are too long, and where softness is open those below 1 - SURE too short
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
@@ -98,11 +100,12 @@ class _Tried:
     times: Float[np.ndarray, " frames"]  # s, from the middle of the run
     speeds: Float[np.ndarray, " frames"]  # px/s, of the longest streaks
     misfits: Float[np.ndarray, "frames tried"]
+    relative: Float[np.ndarray, "#tried #changes"]  # the logarithm of how much likelier each is by how blur differs from frame to frame
 
     def between(self, shortest: float, longest: float) -> "_Tried":
         """The same of fewer exposures."""
         held = (self.exposures >= shortest) & (self.exposures <= longest)
-        return replace(self, exposures=self.exposures[held], misfits=self.misfits[:, held])
+        return replace(self, exposures=self.exposures[held], misfits=self.misfits[:, held], relative=self.relative[held])
 
 
 def measured(run: Run, period: float) -> Exposure | Unclear:
@@ -111,23 +114,22 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     tried = _tried(run, path, _most_moving(run, path)[:FRAMES], period)
     if isinstance(tried, Unclear):
         return tried
-    logarithms = np.log(tried.exposures)
     likely = _likelihoods(tried)
-    shown = _shown(likely.sum(axis=0)).sum(axis=1)
-    mean = float(shown @ logarithms)
-    value = float(np.exp(mean))
-    deviation = max(float(np.sqrt(shown @ (logarithms - mean) ** 2)), _disagreement(likely, logarithms))
+    shown, sharp = _shown(likely.sum(axis=0)).sum(axis=1), _without_softness(tried).sum(axis=1)
+    value, deviation = _mean(tried, shown)
+    least, deviation = _least(tried, sharp), max(deviation, _disagreement(likely, np.log(tried.exposures)))
+    without, spread = _mean(tried, sharp)
+    if plainly := spread <= VAGUE:
+        value, deviation = without, spread
     blur = _middle_length(run, path, tried.frames, value)
     surely = value * max(float(np.exp(2 * deviation)), PLAIN / max(blur, _LEAST_BLUR))
     most = min(max(_quantile(tried, shown, SURE), surely), period)
-    sharp = _without_softness(tried).sum(axis=1)
-    least = _least(tried, sharp)
     if deviation > VAGUE:
         return Unclear(reason="its blur does not agree with its motion at one exposure more than at others", most=most, least=least)
-    if blur < PLAIN:
+    if blur < PLAIN and not plainly:
         return Unclear(reason=f"its motion leaves too little blur, about {blur:.1f} px", most=most, least=least)
-    spread = value * float(np.hypot(deviation, LEAST_DEVIATION))
-    return Exposure(value=value, deviation=spread, blur=blur, sharp=float(sharp @ tried.exposures), least=least)
+    of_blur = value * float(np.hypot(deviation, LEAST_DEVIATION))
+    return Exposure(value=value, deviation=of_blur, blur=blur, sharp=float(sharp @ tried.exposures), least=least)
 
 
 def in_better_focus(run: Run, stated: float, shown: float) -> bool:
@@ -191,18 +193,19 @@ def of_each(run: Run, spread: float = ABOUT) -> Run:
     if isinstance(tried, Unclear):
         return run
     tried = tried.between(about / FARTHEST, max(about, period * SHORTEST) * FARTHEST)
-    logarithms = np.log(tried.exposures)
-    prior = -np.log1p(((logarithms - np.log(about)) / spread) ** 2)
+    prior = -np.log1p((np.log(tried.exposures / about) / spread) ** 2)
     shown = _shown(_likelihoods(tried).sum(axis=0) + prior[:, None])
-    x = float(shown.sum(axis=1) @ logarithms)
-    deviation = float(np.sqrt(shown.sum(axis=1) @ (logarithms - x) ** 2))
-    if deviation > (ROUGHLY if assumed else VAGUE):
-        return run
+    seconds, deviation = _mean(tried, shown.sum(axis=1))
     if not assumed:
         sharp = _without_softness(tried, prior)
+        if min(deviation, _mean(tried, sharp.sum(axis=1))[1]) > VAGUE:
+            return run
         each = _changing(run, float(sharp.sum(axis=1) @ tried.exposures), sharp)
-        return replace(run.exposed(each), seeming=_changing(run, float(np.exp(x)), shown))
-    seconds = float(np.exp(x - (deviation if deviation > VAGUE else 0.0)))
+        return replace(run.exposed(each), seeming=_changing(run, seconds, shown))
+    if deviation > ROUGHLY:
+        return run
+    if deviation > VAGUE:
+        seconds *= float(np.exp(-deviation))
     better = tried.frames[: max(FEWEST, len(tried.frames) // 2)]
     if _middle_length(run, path, better, seconds) < SHOWS:
         return run
@@ -239,7 +242,21 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
     fine = np.geomspace(exposures[0], exposures[-1], 1 + FINER * (len(exposures) - 1))
     between = CubicSpline(np.log(exposures), np.array([run.misfits[k] for k in held]), axis=1)(np.log(fine))
     speeds = np.maximum([_length(run, path, k, period) for k in held], _LEAST_BLUR) / period
-    return _Tried(exposures=fine, frames=held, times=run.begins[held] - _middle(run), speeds=speeds, misfits=between)
+    pairs = compared(run, path, beside(run, path), held, (exposures[0], exposures[-1]))
+    return _Tried(
+        exposures=fine,
+        frames=held,
+        times=run.begins[held] - _middle(run),
+        speeds=speeds,
+        misfits=between,
+        relative=_relative(pairs.likelihood(fine, CHANGES)),
+    )
+
+
+def _relative(likelihood: Float[np.ndarray, "tried changes"]) -> Float[np.ndarray, "tried changes"]:
+    """log((1 - w) p / mean p + w)."""
+    each = np.exp(likelihood - likelihood.max())
+    return np.log((1 - ASTRAY) * each / each.mean() + ASTRAY)
 
 
 def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tried changes"]:
@@ -252,10 +269,17 @@ def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tri
 
 
 def _without_softness(tried: _Tried, prior: Float[np.ndarray, " tried"] | float = 0.0) -> Float[np.ndarray, "tried changes"]:
-    """p(x, y) where frames are softened by z, whatever it is; `prior` is log p(x)."""
+    """p(x, y) where frames are softened by z, whatever it is, and of how their blur differs; `prior` is log p(x)."""
     usual = -0.5 * (SOFT / USUALLY_SOFT) ** 2
     softened = np.array([_likelihoods(tried, z).sum(axis=0) for z in SOFT])
-    return _shown(softened + usual[:, None, None] + np.reshape(prior, (-1, 1))).sum(axis=0)
+    return _shown(softened + usual[:, None, None] + np.reshape(prior, (-1, 1)) + tried.relative).sum(axis=0)
+
+
+def _mean(tried: _Tried, shown: Float[np.ndarray, " tried"]) -> tuple[float, float]:
+    """The geometric mean of exposures, s, and the standard deviation of their logarithm."""
+    logarithms = np.log(tried.exposures)
+    mean = float(shown @ logarithms)
+    return float(np.exp(mean)), float(np.sqrt(shown @ (logarithms - mean) ** 2))
 
 
 def _least(tried: _Tried, sharp: Float[np.ndarray, " tried"]) -> float:

@@ -19,7 +19,7 @@ frame in turn gets that one of many streaks which explains its ratios best; then
 method. What blurs all frames alike shows in no ratio, so that streaks come out as short as can be. Their sense does not show either.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,6 +57,9 @@ _MAGNITUDE = np.hypot(_ALL[..., 0], _ALL[..., 1])
 _TAKEN, _FINE = (LOWEST * 2 * np.pi / SIDE < _MAGNITUDE) & (_MAGNITUDE < HIGHEST), _MAGNITUDE > FINE
 _W = _ALL[_TAKEN]
 
+Displaced = Callable[[int, int, Float[np.ndarray, "places 2"]], Float[np.ndarray, "places 2"]]
+"""How far what is at places (column, row) of one frame has moved in a later one, px: `tracks.displaced` says so."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Streaks:
@@ -68,7 +71,7 @@ class Streaks:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Ratio:
+class Ratio:
     """How the power of the same patches differs in two frames, part by part."""
 
     frames: tuple[int, int]
@@ -79,14 +82,14 @@ class _Ratio:
 
 def streaks(
     images: Sequence[Float[np.ndarray, "rows cols"]],
-    moved: Float[np.ndarray, "frames 2"],
+    displaced: Displaced,
     group: Sequence[int] | Int[np.ndarray, " frames"],
     camera: Camera,
     axes: int,
 ) -> Streaks:
-    """The streaks of successive frames, along the scanlines, whose points have `moved` by so many px since the first one.
+    """The streaks of successive frames, along the scanlines.
 
-    Only frames of one `group` show the same. `images` may be halved, once or more; streaks, like `moved`, are in px of the camera's frame.
+    Only frames of one `group` show the same. `images` may be halved, once or more; streaks are in px of the camera's frame.
     """
     if min(images[0].shape) < SIDE:
         return Streaks(pose=np.zeros((len(images), axes)), change=np.zeros((len(images), 2)), variance=np.full(len(images), USUAL**2))
@@ -99,9 +102,9 @@ def streaks(
         levels.append((images, camera, scale))
     unknowns, variance = None, np.zeros(len(images))
     for images, camera, scale in reversed(levels):
-        ratios = _ratios(images, scale * moved, group)
-        start = _searched(ratios, len(images), axes) if unknowns is None else unknowns * np.append(pose_factors(2, axes), [2, 2])
-        unknowns, variance = _Model(camera=camera, ratios=ratios, axes=axes).refined(start)
+        shown = ratios(images, scale, displaced, near(group))
+        start = _searched(shown, len(images), axes) if unknowns is None else unknowns * np.append(pose_factors(2, axes), [2, 2])
+        unknowns, variance = _Model(camera=camera, ratios=shown, axes=axes).refined(start)
         if 2 * np.linalg.norm(unknowns[:, :2], axis=1).max() > LONG:
             break
     assert unknowns is not None
@@ -109,34 +112,38 @@ def streaks(
     return Streaks(pose=pose / pose_factors(scale, axes), change=change / scale, variance=variance / scale**2)
 
 
-def _ratios(
-    images: Sequence[np.ndarray], moved: Float[np.ndarray, "frames 2"], group: Sequence[int] | Int[np.ndarray, " frames"]
-) -> list[_Ratio]:
-    """Of all frames of a group that are near each other and show the same."""
+def near(group: Sequence[int] | Int[np.ndarray, " frames"]) -> list[tuple[int, int]]:
+    """The pairs of frames of one group that are compared."""
+    return [(k, j) for k in range(len(group)) for j in range(k + 1, min(len(group), k + REACH + 1)) if group[k] == group[j]]
+
+
+def ratios(
+    images: Sequence[Float[np.ndarray, "rows cols"]], scale: float, displaced: Displaced, pairs: Sequence[tuple[int, int]]
+) -> list[Ratio]:
+    """Of those pairs of frames that show some of the same, in images so many times as large as the frames."""
     rows, cols = images[0].shape
     tops, lefts = (np.linspace(0, side - SIDE, count).round().astype(int) for side, count in ((rows, ROWS), (cols, COLS)))
     at = np.stack(np.meshgrid(lefts, tops), axis=-1).reshape(-1, 2)
     powers = threads.each(lambda image: _power(image, at), images)
     noise = threads.each(lambda image: noise_level(image.astype(np.float32)) ** 2, images)
+    middles = (at + SIDE / 2) / scale - 0.5  # px of the frames
     part = (PARTS[0] * at[:, 1] // (rows - SIDE + 1)) * PARTS[1] + PARTS[1] * at[:, 0] // (cols - SIDE + 1)
 
-    def ratio(k: int, j: int) -> _Ratio | None:
-        shift = np.rint(moved[j] - moved[k]).astype(int)
-        there = at + shift
+    def ratio(k: int, j: int) -> Ratio | None:
+        there = at + np.rint(scale * displaced(k, j, middles)).astype(int)
         held = ((there >= 0) & (there <= (cols - SIDE, rows - SIDE))).all(axis=1)
         if not held.any():
             return None
         (one, fine), (other, finer) = (each[held] for each in powers[k]), _power(images[j], there[held])
         floor = np.maximum(max(noise[k], noise[j]), FINE_NOISE * np.minimum(fine, finer))[:, None]
-        counted = (np.maximum(one, other) > SIGNAL * floor).astype(float)
+        counted = (np.maximum(one, other) > SIGNAL * floor).astype(one.dtype)
         difference = counted * np.log((one + floor) / (other + floor))
         inside = [part[held] == each for each in np.unique(part[held])]
         total, q = (np.array([each[some].sum(axis=0) for some in inside]) for each in (difference, counted))
-        middles = np.array([at[held][some].mean(axis=0) for some in inside]) + (SIDE - 1) / 2
-        return _Ratio(frames=(k, j), places=np.stack([middles, middles + shift]), difference=total / np.maximum(q, 1), counted=q)
+        places = np.array([[each[held][some].mean(axis=0) for some in inside] for each in (at, there)]) + (SIDE - 1) / 2
+        return Ratio(frames=(k, j), places=places, difference=total / np.maximum(q, 1), counted=q)
 
-    near = [(k, j) for k in range(len(images)) for j in range(k + 1, min(len(images), k + REACH + 1)) if group[k] == group[j]]
-    return [found for found in threads.each(lambda pair: ratio(*pair), near) if found]
+    return [found for found in threads.each(lambda pair: ratio(*pair), pairs) if found]
 
 
 def _power(
@@ -144,27 +151,45 @@ def _power(
 ) -> tuple[Float[np.ndarray, "n taken"], Float[np.ndarray, " n"]]:
     """The periodograms of the patches whose first column and row these are, in which noise has its variance, and their median at the
     finest frequencies."""
-    patches = np.stack([image[y : y + SIDE, x : x + SIDE] for x, y in at]).astype(float)
+    patches = np.stack([image[y : y + SIDE, x : x + SIDE] for x, y in at]).astype(np.float32)
     periodograms = np.abs(windowed(patches)) ** 2
-    return periodograms[:, _TAKEN], np.median(periodograms[:, _FINE], axis=1)
+    fine = periodograms[:, _FINE]
+    middle = fine.shape[1] // 2
+    return periodograms[:, _TAKEN], np.partition(fine, middle, axis=1)[:, middle]
+
+
+def misfit(left: Float[np.ndarray, "*n taken"], counted: Float[np.ndarray, "*#n taken"]) -> Float[np.ndarray, "*n taken"]:
+    """q A^2 log(1 + (r / A)^2) / 2 of what streaks leave of ratios."""
+    return 0.5 * ASTRAY**2 * counted * np.log1p((left / ASTRAY) ** 2)
+
+
+def log_power(streak: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n taken"]:
+    """g."""
+    sinc, _ = _sinc(streak)
+    return np.log(sinc**2 + LEAK)
 
 
 def _log_power(streak: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n taken"], Float[np.ndarray, "*n taken 2"]]:
     """g, and its derivative in the streak."""
-    half = streak @ _W.T / 2
-    phase = np.where(np.abs(half) < _FLAT, _FLAT, half)
-    sinc = np.sin(phase) / phase
+    sinc, phase = _sinc(streak)
     power = sinc**2 + LEAK
     slope = sinc * (np.cos(phase) - sinc) / (phase * power)  # of the logarithm, in twice the phase
     return np.log(power), slope[..., None] * _W
 
 
-def _searched(ratios: Sequence[_Ratio], frames: int, axes: int) -> Float[np.ndarray, "frames unknowns"]:
+def _sinc(streak: Float[np.ndarray, "*n 2"]) -> tuple[Float[np.ndarray, "*n taken"], Float[np.ndarray, "*n taken"]]:
+    """sinc(w . s / 2), and w . s / 2."""
+    half = streak @ _W.T.astype(streak.dtype) / 2
+    phase = np.where(np.abs(half) < _FLAT, half.dtype.type(_FLAT), half)
+    return np.sin(phase) / phase, phase
+
+
+def _searched(ratios: Sequence[Ratio], frames: int, axes: int) -> Float[np.ndarray, "frames unknowns"]:
     """Streaks that are alike over each frame, to refine."""
     out = np.zeros((frames, axes + 2))
     reaches, turns = np.arange(0, LONGEST + STEP / 2, STEP), np.pi * np.arange(TURNS) / TURNS
     tried = np.unique((reaches[:, None, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)).reshape(-1, 2), axis=0)
-    shown = _log_power(tried)[0]
+    shown = log_power(tried)
     beside: list[list[tuple[int, np.ndarray, np.ndarray]]] = [[] for _ in range(frames)]
     for one in ratios:
         (k, j), q = one.frames, one.counted.sum(axis=0)
@@ -177,11 +202,11 @@ def _searched(ratios: Sequence[_Ratio], frames: int, axes: int) -> Float[np.ndar
     def best(expected: Float[np.ndarray, "others taken"], q: Float[np.ndarray, "others taken"], before: np.ndarray) -> np.ndarray:
         likeliest = [before]
         for scale in SCALES:
-            weight = INDEPENDENT * q / (1 + ((_log_power(likeliest[-1])[0] - expected) / (scale * ASTRAY)) ** 2)
+            weight = INDEPENDENT * q / (1 + ((log_power(likeliest[-1]) - expected) / (scale * ASTRAY)) ** 2)
             cost = squares @ weight.sum(axis=0) - 2 * shown @ (weight * expected).sum(axis=0) + lengths / USUAL**2
             likeliest.append(tried[np.argmin(cost)])
-        values = _log_power(np.array(likeliest))[0][:, None]
-        costs = INDEPENDENT * ASTRAY**2 * (q * np.log1p(((values - expected) / ASTRAY) ** 2)).sum(axis=(1, 2))
+        values = log_power(np.array(likeliest))[:, None]
+        costs = 2 * INDEPENDENT * misfit(values - expected, q).sum(axis=(1, 2))
         return likeliest[int(np.argmin(costs + (np.array(likeliest) ** 2).sum(axis=1) / USUAL**2))]
 
     for k, others in enumerate(beside):
@@ -192,7 +217,7 @@ def _searched(ratios: Sequence[_Ratio], frames: int, axes: int) -> Float[np.ndar
         before = out.copy()
         for k, others in enumerate(beside):
             if others:
-                expected = np.array([_log_power(out[j, :2])[0] + difference for j, difference, _ in others])
+                expected = np.array([log_power(out[j, :2]) + difference for j, difference, _ in others])
                 out[k, :2] = best(expected, np.array([q for *_, q in others]), out[k, :2])
         if np.array_equal(out, before):
             break
@@ -204,7 +229,7 @@ class _Model:
     """What streaks leave unexplained of the ratios between frames."""
 
     camera: Camera
-    ratios: Sequence[_Ratio]
+    ratios: Sequence[Ratio]
     axes: int
 
     @cached_property
@@ -254,9 +279,8 @@ class _Model:
                 value, slope = _log_power(design @ unknowns[frame])
                 left = left + sign * value
                 slopes.append(sign * (slope @ design).reshape(-1, count))
-            size = (left / ASTRAY) ** 2
-            weight = (INDEPENDENT * one.counted / (1 + size)).ravel()
-            cost += 0.5 * INDEPENDENT * ASTRAY**2 * float((one.counted * np.log1p(size)).sum())
+            weight = (INDEPENDENT * one.counted / (1 + (left / ASTRAY) ** 2)).ravel()
+            cost += INDEPENDENT * float(misfit(left, one.counted).sum())
             for frame, slope in zip(one.frames, slopes, strict=True):
                 right[frame] -= slope.T @ (weight * left.ravel())
                 for other, beside in zip(one.frames, slopes, strict=True):

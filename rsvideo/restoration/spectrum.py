@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 from numba import njit
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy import fft
 
 from rsvideo.lanes import LANES, alike, exponential, larger, load, store, total
 from rsvideo.physics.camera import lever
@@ -110,8 +111,9 @@ def _textured(
 
 def windowed(patches: Float[np.ndarray, "n side side"]) -> Complex[np.ndarray, "n side half"]:
     """The Fourier transform of patches of SIDE px under a window, less their mean under it; of noise its mean square is the variance."""
-    level = np.tensordot(patches, _WINDOW) / _WINDOW.sum()
-    return np.fft.rfft2((patches - level[:, None, None]) * _WINDOW)
+    window = _WINDOW.astype(patches.dtype)
+    level = np.tensordot(patches, window) / window.sum()
+    return np.asarray(fft.rfft2((patches - level[:, None, None]) * window))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

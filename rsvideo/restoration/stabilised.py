@@ -56,13 +56,7 @@ def movement(followed: Followed) -> Movement:
 
 def streaks_of(run: Run) -> Streaks:
     """The streaks of its frames, along the scanlines, px of the frame."""
-    return streaks([frame.pixels[..., 0] for frame in run.small], _moved(run), groups(run.tied), run.camera, run.axes)
-
-
-def _moved(run: Run) -> Float[np.ndarray, "frames 2"]:
-    """How far the points of each frame have moved since the first one, px."""
-    steps = [np.median(link.after - link.before, axis=0) if len(link.before) else np.zeros(2) for link in run.links]
-    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]) if steps else np.zeros((len(run.begins), 2))
+    return streaks([frame.pixels[..., 0] for frame in run.small], run.displaced, groups(run.tied), run.camera, run.axes)
 
 
 def _by_scanline(change: Float[np.ndarray, " 2"], lens: Intrinsics) -> Flow:

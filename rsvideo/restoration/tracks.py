@@ -1,5 +1,6 @@
 """How the points of a scene move from one frame to the next, each observed at its own scanline's time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -21,6 +22,7 @@ _QUALITY = 0.01  # of the strongest corner, below which a corner is too faint (S
 _BLOCK = 9  # px, over which a corner is measured
 _CLOSEST = 6.0  # px between corners at least
 _MARGIN = WINDOW // 4  # px beside the frame's border, where half of a window or more would lie outside; origin: by trial
+NEAREST = 5  # points, whose median says how what lies between them moves
 _RIGID = 0.4  # of the points that came home, which must fit one homography: fewer are two scenes, or one that moves by itself
 
 
@@ -71,6 +73,15 @@ def track(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows
         if exposed * coarse.moved > LONGEST:  # what moves less would have been found before: two scenes, at a cut
             found = coarse
     return found
+
+
+def displaced(links: Sequence[Tracks], places: Float[np.ndarray, "places 2"]) -> Float[np.ndarray, "places 2"]:
+    """How far what a first frame shows at these places (column, row) has moved after so many links, px: each as the points near it."""
+    at = places.astype(float)
+    for link in links:
+        nearest = np.argsort(((at[:, None] - link.before) ** 2).sum(axis=-1), axis=1)[:, :NEAREST]
+        at = at + np.median((link.after - link.before)[nearest], axis=1)
+    return at - places
 
 
 def _followed(before: UInt8[np.ndarray, "rows cols"], after: UInt8[np.ndarray, "rows cols"]) -> Tracks:

@@ -12,6 +12,7 @@ from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.restoration import clip_motion, exposure
 from rsvideo.restoration.clip_motion import COLS, Run, gather, scene_at
 from rsvideo.restoration.exposure import Exposure, Unclear
+from rsvideo.restoration.relative_exposure import Pairs
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
 
@@ -117,6 +118,7 @@ def test_each_frame_has_the_exposure_that_its_part_of_the_clip_shows(
 ) -> None:
     run = taken(MOVING.recorded, assumed)
     true = 0.02 * np.exp(change * (run.begins - run.begins.mean()))
+    monkeypatch.setattr(exposure, "compared", no_pairs)
     monkeypatch.setattr(exposure, "_misfits", lambda _run, _path, k, _flow, e: -np.exp(-(np.log(e / true[k]) ** 2) / 0.1))
     assert exposure.of_each(run, spread).exposures == pytest.approx(true, rel=0.1)  # one for all is off by 0.12
 
@@ -149,6 +151,7 @@ def test_frames_are_restored_with_an_exposure_one_deviation_shorter_than_they_va
 
 def test_frames_that_show_no_exposure_have_that_of_the_clip(monkeypatch: pytest.MonkeyPatch) -> None:
     run = taken(MOVING.recorded, 0.018)
+    monkeypatch.setattr(exposure, "compared", no_pairs)
     monkeypatch.setattr(exposure, "_misfits", lambda *given: 0 * given[-1])
     for spread in (exposure.ABOUT, np.inf):
         np.testing.assert_array_equal(exposure.of_each(run, spread).exposures, np.full(8, 0.018))
@@ -250,7 +253,18 @@ def blurred(
     misfits = depth * np.array([1 - np.exp(-((numbers - dip) ** 2) / 4) for dip in dips])
     times = np.zeros(len(misfits)) if times is None else times
     speeds = np.full(len(misfits), np.inf) if speeds is None else speeds
-    return exposure._Tried(exposures=exposure.RATIO**numbers, frames=[*range(len(misfits))], times=times, speeds=speeds, misfits=misfits)
+    return exposure._Tried(
+        exposures=exposure.RATIO**numbers,
+        frames=[*range(len(misfits))],
+        times=times,
+        speeds=speeds,
+        misfits=misfits,
+        relative=np.zeros((len(numbers), 1)),
+    )
+
+
+def no_pairs(*_: object) -> Pairs:
+    return Pairs(exposures=np.geomspace(1e-3, 1e-1, 4), times=np.zeros((0, 2)), misfits=np.zeros((0, 4, 3)))
 
 
 def least_of(tried: exposure._Tried) -> float:

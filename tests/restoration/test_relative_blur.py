@@ -10,7 +10,7 @@ from skimage import data
 from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.restoration import relative_blur
-from rsvideo.restoration.relative_blur import Streaks, streaks
+from rsvideo.restoration.relative_blur import Displaced, Streaks, streaks
 
 ROWS, COLS = 240, 320
 NOISE = 0.002
@@ -40,7 +40,11 @@ def filmed(true: np.ndarray, moved: np.ndarray, soft: float = 0.0) -> list[np.nd
 
 def shown(true: np.ndarray, *, soft: float = 0.0, group: list[int] | None = None) -> Streaks:
     moved = np.vstack([np.zeros((1, 2), int), np.cumsum(STEPS[: len(true) - 1], axis=0)])
-    return streaks(filmed(true, moved, soft), moved.astype(float), group or [0] * len(true), CAMERA, 3)
+    return streaks(filmed(true, moved, soft), shifts(moved), group or [0] * len(true), CAMERA, 3)
+
+
+def shifts(moved: np.ndarray) -> Displaced:
+    return lambda k, j, places: np.broadcast_to(moved[j] - moved[k], places.shape).astype(float)
 
 
 def apart(found: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -69,7 +73,7 @@ def test_frames_of_other_groups_are_not_compared() -> None:
 
 
 def test_a_frame_smaller_than_a_patch_shows_nothing() -> None:
-    found = streaks([np.zeros((40, 200), np.float32)] * 3, np.zeros((3, 2)), [0] * 3, CAMERA, 3)
+    found = streaks([np.zeros((40, 200), np.float32)] * 3, shifts(np.zeros((3, 2))), [0] * 3, CAMERA, 3)
     assert not found.pose.any()
     assert (found.variance > 100).all()
 
@@ -79,7 +83,7 @@ def test_streaks_are_in_px_of_the_camera_s_frame() -> None:
     frames = filmed(TRUE, moved)
     lens = Intrinsics.centred(focal=600.0, rows=2 * ROWS, cols=2 * COLS)
     timing = ShutterTiming.from_readout(exposure=0.01, readout=0.0, rows=2 * ROWS)
-    found = streaks(frames, 2.0 * moved, [0] * 6, replace(CAMERA, timing=timing, intrinsics=lens), 3)
+    found = streaks(frames, shifts(2 * moved), [0] * 6, replace(CAMERA, timing=timing, intrinsics=lens), 3)
     assert (apart(found.pose[:, :2], 2 * TRUE) < 2 * ALLOWED).all()
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import skimage.data
 
-from rsvideo.restoration.tracks import codes, track
+from rsvideo.restoration.tracks import Tracks, codes, displaced, track
 
 ROWS, COLS = 144, 200
 
@@ -76,3 +76,17 @@ def test_what_moves_by_itself_is_left_out() -> None:
 def test_shadows_have_contrast_for_tracking() -> None:
     light = np.array([[0.0, 0.0025, 0.01, 1.0, 1.5, -0.1]])
     np.testing.assert_array_equal(codes(light), [[0, 13, 26, 255, 255, 0]])
+
+
+def test_a_place_moves_as_the_points_near_it() -> None:
+    """Two things that move by themselves, through two links; one of five points about a place is wrong."""
+    rng = np.random.default_rng(3)
+    near, far = rng.uniform(0, 20, (40, 2)), rng.uniform(100, 120, (40, 2))
+    moved = np.concatenate([np.full((40, 2), (4.0, -1.0)), np.full((40, 2), (-2.0, 3.0))])
+    before = np.concatenate([near, far])
+    after = before + moved
+    after[::7] += 30.0
+    links = [Tracks(before=before, after=after), Tracks(before=before + moved, after=after + moved)]
+    places = np.array([[10.0, 10.0], [110.0, 110.0]])
+    np.testing.assert_allclose(displaced(links, places), 2 * moved[[0, 40]], atol=1e-9)
+    np.testing.assert_array_equal(displaced([], places), np.zeros((2, 2)))
