@@ -47,7 +47,7 @@ LONG = 16.0  # px, from which on a streak is not refined at a higher resolution
 USUAL, CHANGE = 30.0, 3.0  # px: P, over the frame, and C
 STEPS, ENOUGH = 12, 1e-4  # of Levenberg and Marquardt's method, at most, and the relative fall of the cost that ends them
 ASTRAY = 0.3  # A; 0.2 does as well, 1.2 worse
-INDEPENDENT = 0.0005  # of a patch's frequencies, those that are as good as independent: streaks are then off as their variance says
+INDEPENDENT = 0.002  # of a patch's frequencies, those that are as good as independent: streaks are then off as their variance says, mostly
 DAMPING = 1e-3  # of the normal matrix's diagonal, at first
 _FLAT = 1e-3  # rad, a phase below which g is as flat as at rest
 

@@ -22,13 +22,12 @@ from rsvideo.restoration.camera_path import CameraPath
 from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.movement import groups
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.relative_blur import LONG, Ratio, log_power, misfit, near, ratios
+from rsvideo.restoration.relative_blur import INDEPENDENT, LONG, Ratio, log_power, misfit, near, ratios
 from rsvideo.restoration.resolution import halved_image
 from rsvideo.restoration.spectrum import SIDE
 from rsvideo.restoration.vibration import exposed
 
 STEP = 1.075  # from one exposure that is tried to the next
-INDEPENDENT = 0.001  # of a patch's frequencies, those that are as good as independent; chosen on 50 clips: twice as many do as well
 ROWS = 9  # of a frame, at which the path is evaluated
 
 

@@ -9,7 +9,8 @@ from scipy.ndimage import gaussian_filter
 from rsvideo.frame import Frame
 from rsvideo.restoration import exposure, relative_exposure
 from rsvideo.restoration.clip_motion import beside, gather, path_from_tracks
-from rsvideo.restoration.relative_exposure import INDEPENDENT, STEP, Pairs, compared
+from rsvideo.restoration.relative_blur import INDEPENDENT
+from rsvideo.restoration.relative_exposure import STEP, Pairs, compared
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
 
