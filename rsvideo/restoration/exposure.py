@@ -38,7 +38,7 @@ from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.relative_exposure import compared
 from rsvideo.restoration.scene import TILED_COLS, Scene, windowed
 from rsvideo.restoration.spectrum import Spectrum, patches
-from rsvideo.restoration.trust import CHANCE, FULL_VOTE, deviations, run_share
+from rsvideo.restoration.trust import BETTER, CHANCE, FULL_VOTE, deviations, run_share
 from rsvideo.restoration.verdict import across
 from rsvideo.restoration.vibration import exposed
 
@@ -56,7 +56,6 @@ SURE = 0.975  # of what is shown: exposures beyond are too long, and where softn
 VAGUE = 0.15  # standard deviation of the exposure's logarithm, from which on it is no answer
 LEAST_DEVIATION = 0.05  # the same of any answer: nine on clips of single photographs were off by 0.06, where 0.04 was shown
 DEFENDED = 6.0  # px of blur in the middle one of them, from which on focus bears a stated exposure out; wrong ones had 3.6 to 4.8
-BELIEVED = 0.5  # standard deviations of a run's focus, by which it must be better with other exposures than with those that are believed
 SHOWS = 2.0  # px of blur, from which on a frame helps to follow automatic exposure, and the better half of a part shows its own
 ROUGHLY = 0.4  # VAGUE for a part of a clip whose exposure is assumed
 STAYS = 0.5  # of the parts of clips, those in which the exposure does not change; origin: by trial
@@ -160,7 +159,7 @@ def followed(run: Run) -> Followed:
     if np.allclose(other.exposures, run.exposures, rtol=SAME, atol=0):
         return found
     shown = Followed.of(other)
-    if deviations(shown.votes) <= deviations(found.votes) + BELIEVED:
+    if deviations(shown.votes) <= deviations(found.votes) + BETTER:
         return found
     return replace(found, sharper=shown) if _softened(run, other.exposures) else shown
 

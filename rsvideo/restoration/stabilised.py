@@ -17,9 +17,7 @@ from rsvideo.restoration.movement import Evidence, Movement, groups
 from rsvideo.restoration.parallax import Flow
 from rsvideo.restoration.relative_blur import Streaks, streaks
 from rsvideo.restoration.scanlines import path_in_image
-from rsvideo.restoration.trust import blur_share, deviations, run_share
-
-BELIEVED = 0.5  # standard deviations of a run's focus, by which what is not believed must be better
+from rsvideo.restoration.trust import BETTER, blur_share, deviations, run_share
 
 
 def movement(followed: Followed) -> Movement:
@@ -42,7 +40,7 @@ def movement(followed: Followed) -> Movement:
     power = (found.pose[:, :2] ** 2).sum(axis=1)
     certain = power / (power + found.variance)
     votes = votes_along(run, within, flows)
-    if deviations(votes) - deviations(followed.votes) <= (-BELIEVED if run.readout_guessed else BELIEVED):
+    if deviations(votes) - deviations(followed.votes) <= (-BETTER if run.readout_guessed else BETTER):
         return movement_along(followed)
     shares = run_share(votes) * blur_share(certain)
     evidence = [

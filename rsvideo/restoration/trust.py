@@ -33,6 +33,7 @@ CREDIT_BLUR, CREDIT_REGION, CREDIT_FRAME = 0.5, 3.5e-3, 5e-4  # px; s of a regio
 # clip's blur has shown its exposure; chosen on scenes of several depths and real ones
 REGION = 0.25  # of the frame's shorter side: the region about a pixel over which s is measured
 FULL_VOTE = 0.005  # s of a frame, beyond which it hardly counts more, so that no frame outweighs many; origin: by trial
+BETTER = 0.5  # standard deviations of a run's focus, by which what is not believed must be better than what is
 SCATTER = 0.0065  # s of a single frame that counts as one standard deviation: twice that along wrong paths, whose tails are long
 CHANCE, CERTAIN = 1.3, 1.7  # standard deviations of a sum of votes that scatter about 0: up to the first, a run's focus may be chance
 BLUR_VAGUE, BLUR_SURE = 0.5, 0.7  # how surely a frame's blur is as its path says; chosen on clips of choosing halves (docs/results.md)

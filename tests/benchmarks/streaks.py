@@ -1,15 +1,19 @@
 """How exactly frames of one scene show each other's streaks.
 
-    python tests/benchmarks/streaks.py CASES
+    python tests/benchmarks/streaks.py CASES [-o RESULTS] [--every 1]
 
-CASES holds a folder a case, as for tests/benchmarks/footage.py. Each frame's streak is found by `restoration.relative_blur` from its
-neighbours, and again from the frame and its truth alone, which is not blurred; streaks of more than LONG px are compared. Points are
-followed as ever; the camera's focal length is what is usual.
+CASES holds a folder a case, as for tests/benchmarks/footage.py; every Nth is taken. Each frame's streak is found by
+`restoration.relative_blur` from its neighbours, and again from the frame and its truth alone, which is not blurred; streaks of more than
+LONG px are compared. Points are followed as ever; the camera's focal length is what is usual. With RESULTS, the clips are restored, too,
+with nothing given: along the streaks that the command finds, and along those of frame and truth as if these were exact, which is as much as
+straight streaks of even pace can gain.
 """
 
 import argparse
 from pathlib import Path
+from unittest.mock import patch
 
+import footage
 import numpy as np
 import published
 from cases import cases_of, facts_of, luma
@@ -19,8 +23,8 @@ from rsvideo.physics.camera import Camera, Intrinsics
 from rsvideo.physics.shutter import ShutterTiming
 from rsvideo.physics.tone import Transfer, decode
 from rsvideo.restoration import stabilised
-from rsvideo.restoration.clip_motion import gather
-from rsvideo.restoration.relative_blur import streaks
+from rsvideo.restoration.clip_motion import Run, gather
+from rsvideo.restoration.relative_blur import Streaks, streaks
 from rsvideo.restoration.settings import Settings
 from rsvideo.shooting import usual
 
@@ -41,22 +45,36 @@ def streaks_of(case: Path) -> tuple[np.ndarray, np.ndarray]:
     clipped = np.zeros(frames[0].shape, bool)
     run = gather([Frame(pixels=f, clipped=clipped, index=k, time=k / fps) for k, f in enumerate(frames)], camera, Settings())
     found = stabilised.streaks_of(run).pose[:, :2]
-    true = np.array(
-        [streaks([a[..., 0], b[..., 0]], _at_rest, [0, 0], run.camera, 3).pose[0, :2] for a, b in zip(frames, truth, strict=True)]
-    )
+    true = against(truth, run).pose[:, :2]
     return np.where((found * true).sum(axis=1) < 0, -1, 1)[:, None] * found, true
 
 
-def _at_rest(_k: int, _j: int, places: np.ndarray) -> np.ndarray:
-    return np.zeros(places.shape)
+def against(truth: list[np.ndarray], run: Run) -> Streaks:
+    """The streaks that frames of a run show against their truth, as if they were exact."""
+    pairs = [[frame.pixels[..., 0], truth[frame.index][..., 0]] for frame in run.small]
+    found = [streaks(pair, lambda _k, _j, places: np.zeros(places.shape), [0, 0], run.camera, run.axes) for pair in pairs]
+    pose, change = (np.array([getattr(each, name)[0] for each in found]) for name in ("pose", "change"))
+    return Streaks(pose=pose, change=change, variance=np.zeros(len(pairs)))
+
+
+def gained(case: Path, results: Path) -> list[dict]:
+    """What frames of a case gain along streaks that are found, and along those of its truth."""
+    truth, rows = light(case / "truth.mp4"), []
+    for name, way in (("found", stabilised.streaks_of), ("of frame and truth", lambda run: against(truth, run))):
+        with patch.object(stabilised, "streaks_of", way):
+            rows += [{"streaks": name} | row for row, _ in footage.rows_of(case, ["none"], results)]
+    return rows
 
 
 def main() -> None:
     """Compare, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", type=Path)
+    parser.add_argument("-o", "--output", type=Path)
+    parser.add_argument("--every", type=int, default=1)
     args = parser.parse_args()
-    both = [streaks_of(case) for case in cases_of(args.cases)]
+    cases = cases_of(args.cases)[:: args.every]
+    both = [streaks_of(case) for case in cases]
     found, true = (np.concatenate(each) for each in zip(*both, strict=True))
     length = np.linalg.norm(true, axis=1)
     error, long = np.linalg.norm(found - true, axis=1), length > LONG
@@ -71,6 +89,11 @@ def main() -> None:
             }
         ]
     )
+    if args.output:
+        args.output.mkdir(parents=True, exist_ok=True)
+        rows = [row for case in cases for row in gained(case, args.output)]
+        named = {name: [row for row in rows if row["streaks"] == name] for name in ("found", "of frame and truth")}
+        published.print_rows([{"streaks": name} | footage.summary(some, ["none"])[0] for name, some in named.items()])
 
 
 if __name__ == "__main__":
