@@ -16,9 +16,9 @@ is what frame k shows of the n exposures that are tried. Automatic exposure foll
 with p(y) half at 0 and half in Cauchy's distribution about it: mostly the exposure stays, and where it does not, it may change much.
 
 Lens and codec leave z px of softness in all frames alike. Variances of blurs add, so that the slower a frame moves, by u_k px/s, the
-longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells the exposures without
-softness, and which ones it allows. It takes in how frames' blur differs from each other, too (restoration.relative_exposure), in which
-softness does not show; with a share w of clips in which that shows nothing, as where patches are of several depths.
+longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells which exposures softness
+allows. Exposures without it take in how frames' blur differs from each other, too (restoration.relative_exposure), in which softness does
+not show; with a share w of clips in which that shows nothing, as where patches are of several depths.
 """
 
 from collections.abc import Sequence
@@ -78,7 +78,7 @@ class Exposure:
     deviation: float  # s
     blur: float  # px, of the middle one of the frames
     sharp: float  # s, without softness
-    least: float  # s, that softness allows
+    least: float  # s, that softness allows, or blur from before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ def measured(run: Run, period: float) -> Exposure | Unclear:
     likely = _likelihoods(tried)
     shown, sharp = _shown(likely.sum(axis=0)).sum(axis=1), _without_softness(tried).sum(axis=1)
     value, deviation = _mean(tried, shown)
-    least, deviation = _least(tried, sharp), max(deviation, _disagreement(likely, np.log(tried.exposures)))
+    least, deviation = _least(tried), max(deviation, _disagreement(likely, np.log(tried.exposures)))
     without, spread = _mean(tried, sharp)
     if plainly := spread <= VAGUE:
         value, deviation = without, spread
@@ -171,7 +171,7 @@ def _softened(run: Run, exposures: Float[np.ndarray, " frames"]) -> bool:
         return False
     path = path_from_tracks(run)
     tried = _tried(run, path, _most_moving(run, path), _period(run))
-    return not isinstance(tried, Unclear) and believed >= _least(tried, _without_softness(tried).sum(axis=1))
+    return not isinstance(tried, Unclear) and believed >= _least(tried)
 
 
 def of_each(run: Run, spread: float = ABOUT) -> Run:
@@ -253,9 +253,9 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
 
 
 def _relative(likelihood: Float[np.ndarray, "tried changes"]) -> Float[np.ndarray, "tried changes"]:
-    """log((1 - w) p / mean p + w)."""
+    """log((1 - w) Q / mean Q + w), with the mean over x and p(y)."""
     each = np.exp(likelihood - likelihood.max())
-    return np.log((1 - ASTRAY) * each / each.mean() + ASTRAY)
+    return np.log((1 - ASTRAY) * each / (each @ _of_changes()).mean() + ASTRAY)
 
 
 def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tried changes"]:
@@ -281,9 +281,10 @@ def _mean(tried: _Tried, shown: Float[np.ndarray, " tried"]) -> tuple[float, flo
     return float(np.exp(mean)), float(np.sqrt(shown @ (logarithms - mean) ** 2))
 
 
-def _least(tried: _Tried, sharp: Float[np.ndarray, " tried"]) -> float:
-    """The shortest exposure, s, that softness allows."""
-    return _quantile(tried, sharp, 1 - SURE)
+def _least(tried: _Tried) -> float:
+    """The shortest exposure, s, that softness allows. How blur differs does not count, for blur from before differs, too."""
+    alone = _without_softness(replace(tried, relative=np.zeros((1, 1)))).sum(axis=1)
+    return _quantile(tried, alone, 1 - SURE)
 
 
 def _quantile(tried: _Tried, shown: Float[np.ndarray, " tried"], share: float) -> float:
@@ -293,10 +294,15 @@ def _quantile(tried: _Tried, shown: Float[np.ndarray, " tried"], share: float) -
 
 def _shown(logarithm: Float[np.ndarray, "... tried changes"]) -> Float[np.ndarray, "... tried changes"]:
     """p(x, y), of sum 1, from the frames' own and p(x); that of a change is added."""
-    changing = 1 / (1 + (CHANGES / STEADY) ** 2)
-    together = logarithm + np.log((1 - STAYS) * changing / changing.sum() + STAYS * (CHANGES == 0))
+    together = logarithm + np.log(_of_changes())
     shown = np.exp(together - together.max())
     return shown / shown.sum()
+
+
+def _of_changes() -> Float[np.ndarray, " changes"]:
+    """p(y)."""
+    changing = 1 / (1 + (CHANGES / STEADY) ** 2)
+    return (1 - STAYS) * changing / changing.sum() + STAYS * (CHANGES == 0)
 
 
 def _disagreement(likely: Float[np.ndarray, "frames tried changes"], logarithms: Float[np.ndarray, " tried"]) -> float:

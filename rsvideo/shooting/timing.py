@@ -122,7 +122,7 @@ def _from_blur(measured: Measured, fps: float) -> Fact[float]:
             )
         return _mild(fps)
     sharp, spread = measured.sharp or measured.exposure, 2 * measured.deviation
-    return Fact(value=sharp, source=_BY_BLUR, within=(min(measured.least or sharp, sharp - spread), measured.exposure + spread))
+    return Fact(value=sharp, source=_BY_BLUR, within=(max(0.0, sharp - spread), measured.exposure + spread))
 
 
 def _mild(fps: float) -> Fact[float]:
@@ -152,7 +152,7 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
     times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
     words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"
     if measured.least <= stated.value < measured.exposure:
-        return stated, (f"{words}, which softness of lens or codec explains as well; {ms(stated.value)} is taken",)
+        return stated, (f"{words}, which softness of lens or codec, or blur from before, explains as well; {ms(stated.value)} is taken",)
     taken = _from_blur(measured, sources.fps)
     return taken, (f"{words}; is it {_fraction(taken.value)}? {ms(taken.value)} is taken, --force takes what is given",)
 

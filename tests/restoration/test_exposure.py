@@ -269,7 +269,7 @@ def no_pairs(*_: object) -> Pairs:
 
 def least_of(tried: exposure._Tried) -> float:
     """The shortest exposure, s, that softness allows frames to have."""
-    return exposure._least(tried, exposure._without_softness(tried).sum(axis=1))
+    return exposure._least(tried)
 
 
 def grain(rows: int, cols: int) -> list[Frame]:
