@@ -81,7 +81,7 @@ class Run:
     seeming: Float[np.ndarray, " frames"] | None = None  # s, exposures with softness, with which frames come into focus; None: their own
     readout_guessed: bool = False  # whether the readout is no more than a guess; points show no tones then
     misfits: dict[int, Float[np.ndarray, " tried"]] = field(default_factory=dict)  # of frames, to exposures, whatever is believed
-    compared: dict[tuple[int, int], Float[np.ndarray, "_ 3"]] = field(default_factory=dict)  # the same of pairs of frames
+    compared: dict[tuple[int, int], Float[np.ndarray, "_ apart"]] = field(default_factory=dict)  # the same of pairs of frames
 
     @property
     def direction(self) -> Direction:

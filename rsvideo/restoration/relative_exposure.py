@@ -28,6 +28,13 @@ from rsvideo.restoration.spectrum import SIDE
 from rsvideo.restoration.vibration import exposed
 
 STEP = 1.075  # from one exposure that is tried to the next
+APART = (
+    -2,
+    -1,
+    0,
+    1,
+    2,
+)  # ratios by which two frames' exposures are tried to differ from their mean; it changes by no more from one to the other
 ROWS = 9  # of a frame, at which the path is evaluated
 
 
@@ -37,7 +44,7 @@ class Pairs:
 
     exposures: Float[np.ndarray, " tried"]  # s, of either frame's geometric mean, in equal ratios
     times: Float[np.ndarray, "pairs 2"]  # s, of each frame, from the middle of the run
-    misfits: Float[np.ndarray, "pairs tried 3"]  # where the second frame's is by two of these ratios shorter, the same, and longer
+    misfits: Float[np.ndarray, "pairs tried apart"]  # where the first frame's is by so many ratios longer, and the second's shorter: APART
 
     def likelihood(self, exposures: Float[np.ndarray, " x"], changes: Float[np.ndarray, " y"]) -> Float[np.ndarray, "x y"]:
         """log p(x, y), but for a constant, of exposures in s and changes of their logarithm in 1/s."""
@@ -45,9 +52,10 @@ class Pairs:
         out = np.zeros((len(exposures), len(changes)))
         for (one, other), misfits in zip(self.times, self.misfits, strict=True):
             tried = np.clip(wanted + changes * (one + other) / 2, at[0], at[-1])
-            shorter, alike, longer = np.moveaxis(CubicSpline(at, misfits)(tried), -1, 0)
-            steps = changes * (other - one) / (2 * (at[1] - at[0]))
-            out -= alike + steps * (longer - shorter) / 2 + steps**2 * (longer + shorter - 2 * alike) / 2
+            steps = np.clip(changes * (one - other) / (2 * (at[1] - at[0])), APART[0], APART[-1])
+            below = np.minimum(np.floor(steps).astype(int), APART[-1] - 1)
+            weights = [np.where(below == k, below + 1 - steps, np.where(below + 1 == k, steps - below, 0)) for k in APART]
+            out -= (CubicSpline(at, misfits)(tried) * np.stack(weights, axis=-1)).sum(axis=-1)
         return INDEPENDENT * out
 
 
@@ -60,18 +68,18 @@ def compared(run: Run, path: CameraPath, flows: Sequence[Flow | None], frames: S
         run.compared.update(_misfits(run, path, flows, missing, tried))
     held = [pair for pair in wanted if len(run.compared[pair])]
     times = run.begins[np.array(held, int).reshape(-1, 2)] - 0.5 * (run.begins[0] + run.begins[-1])
-    return Pairs(exposures=tried, times=times, misfits=np.array([run.compared[pair] for pair in held]).reshape(-1, len(tried), 3))
+    return Pairs(exposures=tried, times=times, misfits=np.array([run.compared[pair] for pair in held]).reshape(-1, len(tried), len(APART)))
 
 
 def _misfits(
     run: Run, path: CameraPath, flows: Sequence[Flow | None], pairs: Sequence[tuple[int, int]], exposures: Float[np.ndarray, " tried"]
-) -> dict[tuple[int, int], Float[np.ndarray, "shown 3"]]:
-    """m of each pair, for either frame's exposure, with the second's by two ratios shorter, alike, and longer; of none without a ratio.
+) -> dict[tuple[int, int], Float[np.ndarray, "_ apart"]]:
+    """m of each pair, for the exposures' geometric mean, and how many ratios they are APART; of none without a ratio.
 
     Frames are halved until half of the longest exposure leaves a streak that a patch shows.
     """
     ratio = exposures[1] / exposures[0]
-    beyond = np.concatenate([[exposures[0] / ratio], exposures, [exposures[-1] * ratio]])
+    beyond = exposures[0] * ratio ** np.arange(APART[0], len(exposures) + APART[-1])
     taken = sorted({k for pair in pairs for k in pair})
     chords = dict(zip(taken, threads.each(lambda k: _chords(run, path, k, beyond), taken), strict=True))
     images = [frame.pixels[..., 0] for frame in run.small]
@@ -80,17 +88,20 @@ def _misfits(
     while scale * reach > LONG and min(images[0].shape) // 2 >= SIDE:
         images, scale = [halved_image(image) for image in images], scale / 2
 
-    def shown(one: Ratio) -> Float[np.ndarray, "shown 3"]:
+    def shown(one: Ratio) -> Float[np.ndarray, "shown apart"]:
         first, second = (
             log_power((scale * _streaks(run, chords[k], flows[k], (places + 0.5) / scale - 0.5, beyond)).astype(np.float32))
             for k, places in zip(one.frames, one.places, strict=True)
         )
         count = len(exposures)
-        left = [first[1 + k : 1 + k + count] - second[1 - k : 1 - k + count] for k in (1, 0, -1)]
+        middle = APART[-1]
+        left = [first[middle + k :][:count] - second[middle - k :][:count] for k in APART]
         return np.stack([misfit(each - one.difference, one.counted).sum(axis=(1, 2)) for each in left], axis=-1)
 
     found = ratios(images, scale, run.displaced, pairs) if min(images[0].shape) >= SIDE else []
-    return dict.fromkeys(pairs, np.zeros((0, 3))) | dict(zip([one.frames for one in found], threads.each(shown, found), strict=True))
+    return dict.fromkeys(pairs, np.zeros((0, len(APART)))) | dict(
+        zip([one.frames for one in found], threads.each(shown, found), strict=True)
+    )
 
 
 def _chords(run: Run, path: CameraPath, k: int, exposures: Float[np.ndarray, " tried"]) -> Float[np.ndarray, "tried rows axes"]:

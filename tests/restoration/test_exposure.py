@@ -45,6 +45,21 @@ def test_an_exposure_between_two_that_are_tried_is_found() -> None:
     assert np.ptp(np.log(answers)) < 0.3 * np.log(exposure.RATIO)
 
 
+def test_blur_of_any_length_shows_the_exposure_where_softness_does_not_explain_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exposure, "PLAIN", 100.0)
+    found = exposure.measured(taken(MOVING.recorded, 0.008), 1 / RATE)
+    assert isinstance(found, Exposure)
+    assert found.value == pytest.approx(MOVING.exposure, rel=0.1)
+
+
+def test_blur_that_differs_leaves_softness_as_an_explanation() -> None:
+    """For blur from before the exposure differs from frame to frame, too."""
+    tried = blurred([10.0] * 8, speeds=np.full(8, 1.5 / exposure.RATIO**10))
+    longer = np.full((len(tried.exposures), len(exposure.CHANGES)), -9.0)
+    longer[10] = 0
+    assert least_of(replace(tried, relative=longer)) == least_of(tried) < 0.7 * exposure.RATIO**10
+
+
 def test_a_clip_that_hardly_moves_does_not_show_its_exposure() -> None:
     found = exposure.measured(taken(Moving(frames=5, reach=0.5).recorded, 0.02), 1 / RATE)
     assert isinstance(found, Unclear)
@@ -264,7 +279,7 @@ def blurred(
 
 
 def no_pairs(*_: object) -> Pairs:
-    return Pairs(exposures=np.geomspace(1e-3, 1e-1, 4), times=np.zeros((0, 2)), misfits=np.zeros((0, 4, 3)))
+    return Pairs(exposures=np.geomspace(1e-3, 1e-1, 4), times=np.zeros((0, 2)), misfits=np.zeros((0, 4, 5)))
 
 
 def least_of(tried: exposure._Tried) -> float:

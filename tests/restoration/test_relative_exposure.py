@@ -10,7 +10,7 @@ from rsvideo.frame import Frame
 from rsvideo.restoration import exposure, relative_exposure
 from rsvideo.restoration.clip_motion import beside, gather, path_from_tracks
 from rsvideo.restoration.relative_blur import INDEPENDENT
-from rsvideo.restoration.relative_exposure import STEP, Pairs, compared
+from rsvideo.restoration.relative_exposure import APART, STEP, Pairs, compared
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
 
@@ -49,12 +49,12 @@ def test_frames_that_are_blurred_alike_show_nothing() -> None:
 
 
 def test_the_likelihood_is_that_of_each_frame_s_own_exposure() -> None:
-    """Against the sum over pairs, for misfits that are quadratic in either frame's logarithm."""
-    tried, times, seen = np.geomspace(1e-3, 3e-2, 40), np.array([[-0.1, 0.0], [0.0, 0.13]]), np.log([0.008, 0.012])
-    apart = np.log(tried[1] / tried[0]) * np.array([1, 0, -1])  # of the first frame; the second's is the opposite
+    """Against the sum over pairs, for misfits that are quadratic in the mean of both logarithms, and rise evenly as these part."""
+    tried, times, seen = np.geomspace(1e-3, 3e-2, 40), np.array([[-0.1, 0.0], [0.0, 0.13]]), np.log(0.008)
+    apart = np.log(tried[1] / tried[0]) * np.array(APART)  # of the first frame; the second's is the opposite
 
     def misfit(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        return (first - seen[0]) ** 2 + 2 * (second - seen[1]) ** 2 + first * second
+        return ((first + second) / 2 - seen) ** 2 + 2 * np.abs(first - second)
 
     x = np.log(tried)[:, None]
     pairs = Pairs(exposures=tried, times=times, misfits=np.array([misfit(x + apart, x - apart)] * 2))
@@ -67,7 +67,7 @@ def test_the_likelihood_is_that_of_each_frame_s_own_exposure() -> None:
 def test_exposures_that_are_tried_are_as_far_apart_as_pairs_are() -> None:
     pairs = pairs_of(MOVING, MOVING.recorded[:3])
     np.testing.assert_allclose(np.diff(np.log(pairs.exposures)), np.log(STEP), rtol=0.02)
-    assert pairs.misfits.shape == (3, len(pairs.exposures), 3)
+    assert pairs.misfits.shape == (3, len(pairs.exposures), 5)
 
 
 def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,7 +84,7 @@ def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_frames_smaller_than_a_patch_show_nothing() -> None:
     small = Moving(frames=4, rows=48, cols=192)
     pairs = pairs_of(small, small.recorded)
-    assert pairs.misfits.shape == (0, len(pairs.exposures), 3)
+    assert pairs.misfits.shape == (0, len(pairs.exposures), 5)
     assert not pairs.likelihood(np.array([0.01]), np.zeros(2)).any()
 
 

@@ -283,7 +283,8 @@ def test_what_the_clip_shows_against_a_readout_is_taken_where_nobody_typed_that_
 
 
 def test_softness_explains_a_shorter_exposure_and_the_user_is_told() -> None:
-    for least, taken, words in ((0.002, 0.0025, "softness of lens or codec, or blur from before, explains"), (0.003, 0.004, "is it 1/250 s?")):
+    explained = "softness of lens or codec, or blur from before, explains"
+    for least, taken, words in ((0.002, 0.0025, explained), (0.003, 0.004, "is it 1/250 s?")):
         soft = replace(NOTHING, measured=Measured(exposure=0.004, deviation=0.0002, least=least))
         found, (note,) = exposure_of(Camera(exposure=0.0025), soft)
         assert found is not None
