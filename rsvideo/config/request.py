@@ -267,7 +267,7 @@ class Measured(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    exposure: float | None = None  # s, as blur shows it, softness included; None where it does not
+    exposure: float | None = None  # s, as blur shows it, with softness where that cannot be separated; None where it does not
     deviation: float = 0.0  # s
     sharp: float | None = None  # s, of this exposure, without softness; None: all of it
     most: float | None = None  # s, of an exposure that blur does not show; None where it does not even show that

@@ -74,7 +74,7 @@ _LEAST_BLUR = 1e-3  # px; a clip that does not move at all divides by this
 class Exposure:
     """A measured exposure."""
 
-    value: float  # s, in the middle of the frames, as their blur shows it, softness included
+    value: float  # s, in the middle of the frames, as their blur shows it, with softness where that cannot be separated
     deviation: float  # s
     blur: float  # px, of the middle one of the frames
     sharp: float  # s, without softness

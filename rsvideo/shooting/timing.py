@@ -147,7 +147,7 @@ def _checked(stated: Fact[float], given: Camera, sources: Sources) -> tuple[Fact
     if not apart(stated.value, measured.exposure):
         return stated, ()
     if abs(stated.value - measured.exposure) < _CERTAIN * measured.deviation:
-        shown = f"its blur, softness included, shows {ms(measured.exposure)}, give or take {ms(measured.deviation)}"
+        shown = f"its blur shows {ms(measured.exposure)}, give or take {ms(measured.deviation)}"
         return stated, (f"the exposure of {_fraction(stated.value)} is taken as given, though the clip may contradict it: {shown}",)
     times, than = (ratio, "shorter") if ratio > 1 else (1 / ratio, "longer")
     words = f"the clip's blur is {times:.2g} times {than} than an exposure of {_fraction(stated.value)} leaves along its motion"

@@ -306,9 +306,7 @@ def test_an_exposure_that_an_uncertain_one_contradicts_is_taken_as_given_and_the
     found, (note,) = exposure_of(Camera(exposure=0.002), vague)
     assert found is not None
     assert found.value == 0.002
-    assert note.endswith(
-        "1/500 s is taken as given, though the clip may contradict it: its blur, softness included, shows 4 ms, give or take 0.5 ms"
-    )
+    assert note.endswith("1/500 s is taken as given, though the clip may contradict it: its blur shows 4 ms, give or take 0.5 ms")
     assert exposure_of(Camera(exposure=0.0035), vague)[1] == ()
 
 
