@@ -28,13 +28,7 @@ from rsvideo.restoration.spectrum import SIDE
 from rsvideo.restoration.vibration import exposed
 
 STEP = 1.075  # from one exposure that is tried to the next
-APART = (
-    -2,
-    -1,
-    0,
-    1,
-    2,
-)  # ratios by which two frames' exposures are tried to differ from their mean; it changes by no more from one to the other
+APART = -2, -1, 0, 1, 2  # ratios, by each of which two frames' exposures are tried to differ from their mean
 ROWS = 9  # of a frame, at which the path is evaluated
 
 
@@ -53,9 +47,8 @@ class Pairs:
         for (one, other), misfits in zip(self.times, self.misfits, strict=True):
             tried = np.clip(wanted + changes * (one + other) / 2, at[0], at[-1])
             steps = np.clip(changes * (one - other) / (2 * (at[1] - at[0])), APART[0], APART[-1])
-            below = np.minimum(np.floor(steps).astype(int), APART[-1] - 1)
-            weights = [np.where(below == k, below + 1 - steps, np.where(below + 1 == k, steps - below, 0)) for k in APART]
-            out -= (CubicSpline(at, misfits)(tried) * np.stack(weights, axis=-1)).sum(axis=-1)
+            between = np.maximum(0, 1 - np.abs(steps[:, None] - APART))  # linear interpolation
+            out -= (CubicSpline(at, misfits)(tried) * between).sum(axis=-1)
         return INDEPENDENT * out
 
 
@@ -93,15 +86,13 @@ def _misfits(
             log_power((scale * _streaks(run, chords[k], flows[k], (places + 0.5) / scale - 0.5, beyond)).astype(np.float32))
             for k, places in zip(one.frames, one.places, strict=True)
         )
-        count = len(exposures)
-        middle = APART[-1]
+        middle, count = APART[-1], len(exposures)
         left = [first[middle + k :][:count] - second[middle - k :][:count] for k in APART]
         return np.stack([misfit(each - one.difference, one.counted).sum(axis=(1, 2)) for each in left], axis=-1)
 
     found = ratios(images, scale, run.displaced, pairs) if min(images[0].shape) >= SIDE else []
-    return dict.fromkeys(pairs, np.zeros((0, len(APART)))) | dict(
-        zip([one.frames for one in found], threads.each(shown, found), strict=True)
-    )
+    misfits = zip([one.frames for one in found], threads.each(shown, found), strict=True)
+    return dict.fromkeys(pairs, np.zeros((0, len(APART)))) | dict(misfits)
 
 
 def _chords(run: Run, path: CameraPath, k: int, exposures: Float[np.ndarray, " tried"]) -> Float[np.ndarray, "tried rows axes"]:
