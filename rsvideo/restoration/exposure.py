@@ -23,6 +23,7 @@ not show; with a share w of clips in which that shows nothing, as where patches 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -105,6 +106,12 @@ class _Tried:
         """The same of fewer exposures."""
         held = (self.exposures >= shortest) & (self.exposures <= longest)
         return replace(self, exposures=self.exposures[held], misfits=self.misfits[:, held], relative=self.relative[held])
+
+    @cached_property
+    def softened(self) -> Float[np.ndarray, "soft tried changes"]:
+        """log p(z) and that of all frames, where they are softened by z."""
+        usual = -0.5 * (SOFT / USUALLY_SOFT) ** 2
+        return np.array([_likelihoods(self, z).sum(axis=0) for z in SOFT]) + usual[:, None, None]
 
 
 def measured(run: Run, period: float) -> Exposure | Unclear:
@@ -231,9 +238,10 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
     if len(frames) < FEWEST:
         return Unclear(reason="too few of its frames could be followed from one to the next")
     exposures = period * np.geomspace(SHORTEST, 1, 1 + round(-np.log(SHORTEST) / np.log(RATIO)))
+    flows = cache(lambda: beside(run, path))
     if missing := [k for k in frames if k not in run.misfits]:
-        flows = beside(run, path)
-        found = threads.each(lambda k: _misfits(run, path, k, flows[k], exposures), missing)
+        fields = flows()
+        found = threads.each(lambda k: _misfits(run, path, k, fields[k], exposures), missing)
         run.misfits.update(zip(missing, found, strict=True))
     held = [k for k in frames if len(run.misfits[k])]
     if len(held) < FEWEST:
@@ -241,7 +249,7 @@ def _tried(run: Run, path: CameraPath, frames: Sequence[int], period: float) -> 
     fine = np.geomspace(exposures[0], exposures[-1], 1 + FINER * (len(exposures) - 1))
     between = CubicSpline(np.log(exposures), np.array([run.misfits[k] for k in held]), axis=1)(np.log(fine))
     speeds = np.maximum([_length(run, path, k, period) for k in held], _LEAST_BLUR) / period
-    pairs = compared(run, path, beside(run, path), held, (exposures[0], exposures[-1]))
+    pairs = compared(run, path, flows, held, (exposures[0], exposures[-1]))
     return _Tried(
         exposures=fine,
         frames=held,
@@ -269,9 +277,7 @@ def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tri
 
 def _without_softness(tried: _Tried, prior: Float[np.ndarray, " tried"] | float = 0.0) -> Float[np.ndarray, "tried changes"]:
     """p(x, y) where frames are softened by z, whatever it is, and of how their blur differs; `prior` is log p(x)."""
-    usual = -0.5 * (SOFT / USUALLY_SOFT) ** 2
-    softened = np.array([_likelihoods(tried, z).sum(axis=0) for z in SOFT])
-    return _shown(softened + usual[:, None, None] + np.reshape(prior, (-1, 1)) + tried.relative).sum(axis=0)
+    return _shown(tried.softened + np.reshape(prior, (-1, 1)) + tried.relative).sum(axis=0)
 
 
 def _mean(tried: _Tried, shown: Float[np.ndarray, " tried"]) -> tuple[float, float]:
@@ -283,8 +289,7 @@ def _mean(tried: _Tried, shown: Float[np.ndarray, " tried"]) -> tuple[float, flo
 
 def _least(tried: _Tried) -> float:
     """The shortest exposure, s, that softness allows. How blur differs does not count, for blur from before differs, too."""
-    alone = _without_softness(replace(tried, relative=np.zeros((1, 1)))).sum(axis=1)
-    return _quantile(tried, alone, 1 - SURE)
+    return _quantile(tried, _shown(tried.softened).sum(axis=(0, 2)), 1 - SURE)
 
 
 def _quantile(tried: _Tried, shown: Float[np.ndarray, " tried"], share: float) -> float:

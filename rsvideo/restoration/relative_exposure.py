@@ -9,7 +9,7 @@ over pairs of frames that are near each other. What softens all frames alike, as
 are all blurred alike, as of an even pan, tell nothing.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,13 +52,18 @@ class Pairs:
         return INDEPENDENT * out
 
 
-def compared(run: Run, path: CameraPath, flows: Sequence[Flow | None], frames: Sequence[int], exposures: tuple[float, float]) -> Pairs:
-    """How some `frames` of a run differ in their blur from those near them, for exposures between two, s; `flows` are beside the path."""
+def compared(
+    run: Run, path: CameraPath, flows: Callable[[], Sequence[Flow | None]], frames: Sequence[int], exposures: tuple[float, float]
+) -> Pairs:
+    """How some `frames` of a run differ in their blur from those near them, for exposures between two, s.
+
+    `flows` finds the fields beside the path, and is called only where a pair was not compared before.
+    """
     shortest, longest = exposures
     tried = np.geomspace(shortest, longest, 1 + round(np.log(longest / shortest) / np.log(STEP)))
     wanted = [pair for pair in near(groups(run.tied)) if not set(pair).isdisjoint(frames)]
     if missing := [pair for pair in wanted if pair not in run.compared]:
-        run.compared.update(_misfits(run, path, flows, missing, tried))
+        run.compared.update(_misfits(run, path, flows(), missing, tried))
     held = [pair for pair in wanted if len(run.compared[pair])]
     times = run.begins[np.array(held, int).reshape(-1, 2)] - 0.5 * (run.begins[0] + run.begins[-1])
     return Pairs(exposures=tried, times=times, misfits=np.array([run.compared[pair] for pair in held]).reshape(-1, len(tried), len(APART)))

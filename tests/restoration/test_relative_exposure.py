@@ -21,7 +21,7 @@ PERIOD = 1 / RATE
 def pairs_of(moving: Moving, frames: list[Frame]) -> Pairs:
     run = gather(frames, moving.camera.exposed(0.25 * PERIOD), Settings())
     path = path_from_tracks(run)
-    return compared(run, path, beside(run, path), range(len(frames)), (PERIOD / 64, PERIOD))
+    return compared(run, path, lambda: beside(run, path), range(len(frames)), (PERIOD / 64, PERIOD))
 
 
 def shown(pairs: Pairs) -> tuple[float, float]:
@@ -75,8 +75,8 @@ def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     path, asked = path_from_tracks(run), []
     whole = relative_exposure.ratios
     monkeypatch.setattr(relative_exposure, "ratios", lambda *given: asked.extend(given[-1]) or whole(*given))
-    first = compared(run, path, [None] * 8, [0, 1], (PERIOD / 64, PERIOD))
-    again = compared(run.exposed(np.full(8, 0.01)), path, [None] * 8, [0, 1, 2], (PERIOD / 64, PERIOD))
+    first = compared(run, path, lambda: [None] * 8, [0, 1], (PERIOD / 64, PERIOD))
+    again = compared(run.exposed(np.full(8, 0.01)), path, lambda: [None] * 8, [0, 1, 2], (PERIOD / 64, PERIOD))
     assert len(asked) == len(set(asked)) == len(again.times) > len(first.times)
     assert all(set(pair) & {0, 1, 2} for pair in asked)
 
