@@ -17,6 +17,13 @@ with the lever J of a pose p_k, and y from the middle in heights of the frame. W
 with r the two sides' difference over pairs of frames, parts of the picture and frequencies, and q how many patches are averaged. First each
 frame in turn gets that one of many streaks which explains its ratios best; then all are refined together by Levenberg and Marquardt's
 method. What blurs all frames alike shows in no ratio, so that streaks come out as short as can be. Their sense does not show either.
+
+Where frames hardly differ in their blur, noise and compression pretend a streak that all of them have. With the cost D less than that of no
+streaks, and the variance v of a streak, of both its axes together, frames are blurred at all with the probability
+
+    1 / (1 + 2 exp(-D) P^2 / v),
+
+by Laplace's approximation for the two numbers of a streak that all have, where both are as likely before.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,6 +32,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.special import expit
 
 from rsvideo import threads
 from rsvideo.physics.camera import Camera, lever
@@ -67,7 +75,8 @@ class Streaks:
 
     pose: Float[np.ndarray, "frames axes"]  # p, px and rad
     change: Float[np.ndarray, "frames 2"]  # c, px
-    variance: Float[np.ndarray, " frames"]  # px^2, of the streak in the frame's middle
+    variance: Float[np.ndarray, " frames"]  # px^2, of the streak in the frame's middle, of both axes together
+    probability: Float[np.ndarray, " frames"]  # that a frame, and those of its group, are blurred at all
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +101,8 @@ def streaks(
     Only frames of one `group` show the same. `images` may be halved, once or more; streaks are in px of the camera's frame.
     """
     if min(images[0].shape) < SIDE:
-        return Streaks(pose=np.zeros((len(images), axes)), change=np.zeros((len(images), 2)), variance=np.full(len(images), USUAL**2))
+        blank, spread = np.zeros((len(images), axes)), np.full(len(images), USUAL**2)
+        return Streaks(pose=blank, change=blank[:, :2], variance=spread, probability=blank[:, 0])
     scale = 1.0
     while camera.intrinsics.rows > len(images[0]):
         camera, scale = camera.halved(), scale / 2
@@ -100,16 +110,18 @@ def streaks(
     while max(images[0].shape) > COARSE and min(images[0].shape) // 2 >= SIDE:
         images, camera, scale = [halved_image(image) for image in images], camera.halved(), scale / 2
         levels.append((images, camera, scale))
-    unknowns, variance = None, np.zeros(len(images))
+    unknowns, variance, probability = None, np.zeros(len(images)), np.zeros(len(images))
     for images, camera, scale in reversed(levels):
         shown = ratios(images, scale, displaced, near(group))
         start = _searched(shown, len(images), axes) if unknowns is None else unknowns * np.append(pose_factors(2, axes), [2, 2])
-        unknowns, variance = _Model(camera=camera, ratios=shown, axes=axes).refined(start)
+        model = _Model(camera=camera, ratios=shown, axes=axes)
+        unknowns, variance = model.refined(start)
+        probability = model.probability(unknowns, variance, group)
         if 2 * np.linalg.norm(unknowns[:, :2], axis=1).max() > LONG:
             break
     assert unknowns is not None
     pose, change = np.split(unknowns, [axes], axis=1)
-    return Streaks(pose=pose / pose_factors(scale, axes), change=change / scale, variance=variance / scale**2)
+    return Streaks(pose=pose / pose_factors(scale, axes), change=change / scale, variance=variance / scale**2, probability=probability)
 
 
 def near(group: Sequence[int] | Int[np.ndarray, " frames"]) -> list[tuple[int, int]]:
@@ -249,15 +261,12 @@ class _Model:
     ) -> tuple[Float[np.ndarray, "frames unknowns"], Float[np.ndarray, " frames"]]:
         """The streaks of least cost near others, and the variance of those in the frames' middles, px^2."""
         frames, count = start.shape
-        side = max(self.camera.intrinsics.cols, self.camera.intrinsics.rows) / 2
-        spread = np.array([USUAL, USUAL, *([USUAL / side] * (self.axes - 2)), CHANGE, CHANGE])
-        prior = np.tile(spread**-2, frames)
         found = start
-        normal, right, cost = self._normal(found, prior)
+        normal, right, cost = self._normal(found)
         damping = DAMPING
         for _ in range(STEPS):
             step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), right).reshape(frames, count)
-            after = self._normal(found + step, prior)
+            after = self._normal(found + step)
             gained = cost - after[2]
             if gained > 0:
                 found, (normal, right, cost), damping = found + step, after, damping / 10
@@ -268,11 +277,31 @@ class _Model:
         covariance = np.linalg.inv(normal).reshape(frames, count, frames, count)
         return found, np.array([np.trace(covariance[k, :2, k, :2]) for k in range(frames)])
 
-    def _normal(self, unknowns: Float[np.ndarray, "frames unknowns"], prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    def probability(
+        self,
+        unknowns: Float[np.ndarray, "frames unknowns"],
+        variance: Float[np.ndarray, " frames"],
+        group: Sequence[int] | Int[np.ndarray, " frames"],
+    ) -> Float[np.ndarray, " frames"]:
+        """How probable it is that the frames of each group are blurred at all."""
+        out, (*_, cost) = np.zeros(len(unknowns)), self._normal(unknowns)
+        for one in np.unique(group):
+            inside = np.asarray(group) == one
+            *_, without = self._normal(np.where(inside[:, None], 0, unknowns))
+            out[inside] = expit(without - cost - np.log(2 * USUAL**2 / np.median(variance[inside])))
+        return out
+
+    @cached_property
+    def prior(self) -> Float[np.ndarray, " unknowns"]:
+        """The inverse variance of each of a frame's unknowns."""
+        side = max(self.camera.intrinsics.cols, self.camera.intrinsics.rows) / 2
+        return np.array([USUAL, USUAL, *([USUAL / side] * (self.axes - 2)), CHANGE, CHANGE]) ** -2
+
+    def _normal(self, unknowns: Float[np.ndarray, "frames unknowns"]) -> tuple[np.ndarray, np.ndarray, float]:
         """Gauss-Newton's matrix and right side, and the cost."""
         frames, count = unknowns.shape
         normal, right = np.zeros((frames, count, frames, count)), np.zeros((frames, count))
-        cost = 0.5 * float(prior @ unknowns.ravel() ** 2)
+        cost = 0.5 * float((self.prior * unknowns**2).sum())
         for one, designs in zip(self.ratios, self.designs, strict=True):
             left, slopes = -one.difference, list[np.ndarray]()
             for frame, design, sign in zip(one.frames, designs, (1, -1), strict=True):
@@ -285,5 +314,5 @@ class _Model:
                 right[frame] -= slope.T @ (weight * left.ravel())
                 for other, beside in zip(one.frames, slopes, strict=True):
                     normal[frame, :, other] += (slope * weight[:, None]).T @ beside
-        right -= prior.reshape(frames, count) * unknowns
-        return normal.reshape(frames * count, -1) + np.diag(prior), right.ravel(), cost
+        right -= self.prior * unknowns
+        return normal.reshape(frames * count, -1) + np.diag(np.tile(self.prior, frames)), right.ravel(), cost

@@ -38,7 +38,7 @@ def movement(followed: Followed) -> Movement:
     changes = zip(timings, sense * found.change, strict=True)
     flows = [_by_scanline(-change / timing.exposure, run.camera.intrinsics) for timing, change in changes]
     power = (found.pose[:, :2] ** 2).sum(axis=1)
-    certain = power / (power + found.variance)
+    certain = found.probability * power / (power + found.variance)
     votes = votes_along(run, within, flows)
     if deviations(votes) - deviations(followed.votes) <= (-BETTER if run.readout_guessed else BETTER):
         return movement_along(followed)

@@ -54,7 +54,7 @@ def against(truth: list[np.ndarray], run: Run) -> Streaks:
     pairs = [[frame.pixels[..., 0], truth[frame.index][..., 0]] for frame in run.small]
     found = [streaks(pair, lambda _k, _j, places: np.zeros(places.shape), [0, 0], run.camera, run.axes) for pair in pairs]
     pose, change = (np.array([getattr(each, name)[0] for each in found]) for name in ("pose", "change"))
-    return Streaks(pose=pose, change=change, variance=np.zeros(len(pairs)))
+    return Streaks(pose=pose, change=change, variance=np.zeros(len(pairs)), probability=np.ones(len(pairs)))
 
 
 def gained(case: Path, results: Path) -> list[dict]:

@@ -58,17 +58,21 @@ def test_frames_show_each_other_s_streaks_whatever_lens_and_codec_soften(soft: f
     assert (apart(found.pose[:, :2], TRUE) < ALLOWED).all()
     assert np.abs(found.pose[:, 2]).max() * COLS / 2 < 0.7
     assert np.abs(found.change).max() < 1.5
+    assert (found.probability > 0.99).all()
 
 
 def test_streaks_that_all_frames_have_do_not_show() -> None:
     found = shown(np.tile([[6.0, 1.0]], (6, 1)))
     assert np.linalg.norm(found.pose[:, :2], axis=1).max() < 0.5
+    assert (found.probability < 0.1).all()
 
 
 def test_frames_of_other_groups_are_not_compared() -> None:
     found = shown(TRUE, group=[0, 0, 0, 1, 2, 2])
     assert np.linalg.norm(found.pose[3]) < 1e-9
     assert found.variance[3] > 3 * found.variance[:2].max()
+    assert found.probability[:3].min() > 0.98
+    assert found.probability[3] == pytest.approx(0.5)  # not compared at all
     assert apart(found.pose[:3, :2], TRUE[:3]).max() < 1.0
 
 
@@ -76,6 +80,7 @@ def test_a_frame_smaller_than_a_patch_shows_nothing() -> None:
     found = streaks([np.zeros((40, 200), np.float32)] * 3, shifts(np.zeros((3, 2))), [0] * 3, CAMERA, 3)
     assert not found.pose.any()
     assert (found.variance > 100).all()
+    assert not found.probability.any()
 
 
 def test_streaks_are_in_px_of_the_camera_s_frame() -> None:
