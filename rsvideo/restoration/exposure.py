@@ -17,9 +17,8 @@ with p(y) half at 0 and half in Cauchy's distribution about it: mostly the expos
 
 Lens and codec leave z px of softness in all frames alike. Variances of blurs add, so that the slower a frame moves, by u_k px/s, the
 longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells which exposures softness
-allows. Where exposures without it are vague, they take in how frames' blur differs from each other, too (restoration.relative_exposure), in
-which softness does not show; with a share w of clips in which that shows nothing. Compression carries detail from frame to frame, so that
-their blur differs less, and that alone shows exposures that are too short.
+allows. Exposures without it take in how frames' blur differs from each other, too (restoration.relative_exposure), in which softness does
+not show; with a share w of clips in which that misleads: compression carries detail from frame to frame, so that their blur differs less.
 """
 
 from collections.abc import Sequence
@@ -277,11 +276,8 @@ def _likelihoods(tried: _Tried, z: float = 0.0) -> Float[np.ndarray, "frames tri
 
 
 def _without_softness(tried: _Tried, prior: Float[np.ndarray, " tried"] | float = 0.0) -> Float[np.ndarray, "tried changes"]:
-    """p(x, y) where frames are softened by z, whatever it is, and where that is vague, of how blur differs, too; `prior` is log p(x)."""
-    softened = tried.softened + np.reshape(prior, (-1, 1))
-    alone = _shown(softened).sum(axis=0)
-    _, deviation = _mean(tried, alone.sum(axis=1))
-    return alone if deviation <= VAGUE else _shown(softened + tried.relative).sum(axis=0)
+    """p(x, y) where frames are softened by z, whatever it is, and of how their blur differs; `prior` is log p(x)."""
+    return _shown(tried.softened + np.reshape(prior, (-1, 1)) + tried.relative).sum(axis=0)
 
 
 def _mean(tried: _Tried, shown: Float[np.ndarray, " tried"]) -> tuple[float, float]:

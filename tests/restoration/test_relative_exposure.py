@@ -103,18 +103,3 @@ def test_what_differs_is_believed_unless_spectra_and_focus_contradict_it(at: int
         relative=exposure._relative(apart),
     )
     assert exposure._mean(tried, exposure._without_softness(tried).sum(axis=1))[0] == pytest.approx(exposure.RATIO**taken, rel=0.05)
-
-
-@pytest.mark.parametrize(("curvature", "taken"), [(0.02, 10), (0.0005, 8)])
-def test_what_differs_counts_only_where_spectra_and_focus_are_vague(curvature: float, taken: int) -> None:
-    """Compression makes frames alike, so that what differs shows the eighth exposure instead of the tenth."""
-    numbers = np.arange(20.0)
-    tried = exposure._Tried(
-        exposures=exposure.RATIO**numbers,
-        frames=[*range(8)],
-        times=np.zeros(8),
-        speeds=np.full(8, np.inf),
-        misfits=np.array([curvature * (numbers - 10) ** 2] * 8),
-        relative=exposure._relative(-5.0 * (numbers[:, None] - 8) ** 2 + 0 * exposure.CHANGES),
-    )
-    assert exposure._mean(tried, exposure._without_softness(tried).sum(axis=1))[0] == pytest.approx(exposure.RATIO**taken, rel=0.1)
