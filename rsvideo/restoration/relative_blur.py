@@ -101,8 +101,8 @@ def streaks(
     Only frames of one `group` show the same. `images` may be halved, once or more; streaks are in px of the camera's frame.
     """
     if min(images[0].shape) < SIDE:
-        blank, spread = np.zeros((len(images), axes)), np.full(len(images), USUAL**2)
-        return Streaks(pose=blank, change=blank[:, :2], variance=spread, probability=blank[:, 0])
+        pose, change, none = np.zeros((len(images), axes)), np.zeros((len(images), 2)), np.zeros(len(images))
+        return Streaks(pose=pose, change=change, variance=none + USUAL**2, probability=none)
     scale = 1.0
     while camera.intrinsics.rows > len(images[0]):
         camera, scale = camera.halved(), scale / 2
@@ -110,16 +110,17 @@ def streaks(
     while max(images[0].shape) > COARSE and min(images[0].shape) // 2 >= SIDE:
         images, camera, scale = [halved_image(image) for image in images], camera.halved(), scale / 2
         levels.append((images, camera, scale))
-    unknowns, variance, probability = None, np.zeros(len(images)), np.zeros(len(images))
+    model, unknowns, variance = None, None, np.zeros(len(images))
     for images, camera, scale in reversed(levels):
         shown = ratios(images, scale, displaced, near(group))
         start = _searched(shown, len(images), axes) if unknowns is None else unknowns * np.append(pose_factors(2, axes), [2, 2])
         model = _Model(camera=camera, ratios=shown, axes=axes)
         unknowns, variance = model.refined(start)
-        probability = model.probability(unknowns, variance, group)
         if 2 * np.linalg.norm(unknowns[:, :2], axis=1).max() > LONG:
             break
+    assert model is not None
     assert unknowns is not None
+    probability = model.probability(unknowns, variance, group)
     pose, change = np.split(unknowns, [axes], axis=1)
     return Streaks(pose=pose / pose_factors(scale, axes), change=change / scale, variance=variance / scale**2, probability=probability)
 
