@@ -54,6 +54,7 @@ def _of_stream(stream: Stream, camera: str | None) -> Opened:
             rows=stream.rows,
             cols=stream.cols,
             fps=fps,
+            bits=stream.bits,
             exposure=facts.exposure,
             readout=facts.readout,
             profile_readout=profile.readout if profile else None,

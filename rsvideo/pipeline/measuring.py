@@ -131,6 +131,7 @@ def measured(frames: Iterable[Frame], given: Stated, sources: Sources, focal: fl
         return Camera(timing=shutter, intrinsics=Intrinsics.centred(focal=focal, rows=rows, cols=cols))
 
     run = clip_motion.gather(frames, camera(half, focal or usual.FOCAL * max(rows, cols)), Settings())
+    run = replace(run, bits=sources.bits)
     if not run.followed.any():
         return Measured(unclear=("no points could be followed from frame to frame",))
     shown = _readout(run, period, direction)

@@ -1,5 +1,6 @@
 """How frames are treated by each method, with the same light, the same noise and the same final solver."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -37,6 +38,7 @@ class Treatment:
     readout_guessed: bool = False  # nobody states it, and the clip shows not even a likely one
     exposure_doubtful: bool = False  # whether blur may show that it is another one than is believed
     exposure_spread: float | None = None  # in its logarithm, by which that of a part of a clip may differ; None: it is stated
+    bits: float = math.inf  # of a clip: `Stream.bits`
 
     @property
     def estimate(self) -> Estimator:
@@ -88,7 +90,7 @@ def run_of(treatment: Treatment, frames: Iterable[Frame], observe: Observer = ig
 
 def _gathered(treatment: Treatment, frames: Iterable[Frame], observe: Observer, *, blur: bool = True) -> Run:
     run = clip_motion.gather(frames, treatment.camera, treatment.settings, observe, blur=blur)
-    return replace(run, exposure_shown=treatment.exposure_shown, readout_guessed=treatment.readout_guessed)
+    return replace(run, exposure_shown=treatment.exposure_shown, readout_guessed=treatment.readout_guessed, bits=treatment.bits)
 
 
 def run(treatment: Treatment, frames: Iterable[Frame], moving: Movement, observe: Observer = ignore) -> Iterator[FrameResult]:

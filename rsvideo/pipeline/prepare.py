@@ -90,7 +90,8 @@ class Task:
     @property
     def treatment(self) -> Treatment:
         """What is done to the frames."""
-        return replace(treatment(self.request, self.settings, self.shutter, self.camera), gyro=self.gyro)
+        bits = math.inf if isinstance(self.source, Still) else self.source.bits
+        return replace(treatment(self.request, self.settings, self.shutter, self.camera), gyro=self.gyro, bits=bits)
 
     @property
     def picture_bytes(self) -> int:

@@ -80,6 +80,7 @@ class Run:
     exposure_shown: bool = False  # whether the clip's blur has shown its exposure
     seeming: Float[np.ndarray, " frames"] | None = None  # s, exposures with softness, with which frames come into focus; None: their own
     readout_guessed: bool = False  # whether the readout is no more than a guess; points show no tones then
+    bits: float = np.inf  # that a codec spent on a picture: `Stream.bits`
     misfits: dict[int, Float[np.ndarray, " tried"]] = field(default_factory=dict)  # of frames, to exposures, whatever is believed
     compared: dict[tuple[int, int], Float[np.ndarray, "_ apart"]] = field(default_factory=dict)  # the same of pairs of frames
 
@@ -294,8 +295,7 @@ def refine(scenes: Sequence[Scene], begins: Sequence[float], start: CameraPath, 
         return path.coefficients + solve_triangular(root, z, trans=1, lower=True).reshape(shape)
 
     def penalised(z: np.ndarray) -> tuple[float, np.ndarray]:
-        coefficients = at(z)
-        value, gradient = 0.0, np.zeros(shape)
+        coefficients, value, gradient = at(z), 0.0, np.zeros(shape)
 
         def sharpness(k: int) -> tuple[float, np.ndarray]:
             inside = local[k] @ coefficients

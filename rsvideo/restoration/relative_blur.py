@@ -18,6 +18,10 @@ with r the two sides' difference over pairs of frames, parts of the picture and 
 frame in turn gets that one of many streaks which explains its ratios best; then all are refined together by Levenberg and Marquardt's
 method. What blurs all frames alike shows in no ratio, so that streaks come out as short as can be. Their sense does not show either.
 
+Codecs predict a frame by others, and carry over what of the difference costs too many bits. So compressed frames become alike, and streaks
+come out shorter, by exp(-d). The edges of a scene grow with the picture's side, and so do the bits that they need: with B bits for each
+px of the side, the root of a picture's pixels, d is exp(-B / CARRIED), give or take CARRIED_SPREAD of its logarithm.
+
 Where frames hardly differ in their blur, noise and compression pretend a streak that all of them have. With the cost D less than that of no
 streaks, and the variance v of a streak, of both its axes together, frames are blurred at all with the probability
 
@@ -26,6 +30,7 @@ streaks, and the variance v of a streak, of both its axes together, frames are b
 by Laplace's approximation for the two numbers of a streak that all have, where both are as likely before.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -54,6 +59,7 @@ SCALES = 16.0, 8.0, 4.0, 2.0, 1.0  # times A, with which each gets another one: 
 LONG = 16.0  # px, from which on a streak is not refined at a higher resolution
 USUAL, CHANGE = 30.0, 3.0  # px: P, over the frame, and C
 STEPS, ENOUGH = 12, 1e-4  # of Levenberg and Marquardt's method, at most, and the relative fall of the cost that ends them
+CARRIED, CARRIED_SPREAD = 45.0, 0.4  # bits for each px of a picture's side, and of the logarithm of d; chosen on 25 clips at five rates
 ASTRAY = 0.3  # A; 0.2 does as well, 1.2 worse
 INDEPENDENT = 0.002  # of a patch's frequencies, those that are as good as independent: streaks are then off as their variance says, mostly
 DAMPING = 1e-3  # of the normal matrix's diagonal, at first
@@ -123,6 +129,11 @@ def streaks(
     probability = model.probability(unknowns, variance, group)
     pose, change = np.split(unknowns, [axes], axis=1)
     return Streaks(pose=pose / pose_factors(scale, axes), change=change / scale, variance=variance / scale**2, probability=probability)
+
+
+def shortened(bits: float) -> float:
+    """d, by whose exponential streaks come out shorter than they are, in the median of clips with so many `bits` (`Stream.bits`)."""
+    return math.exp(-bits / CARRIED)
 
 
 def near(group: Sequence[int] | Int[np.ndarray, " frames"]) -> list[tuple[int, int]]:

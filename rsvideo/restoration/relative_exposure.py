@@ -6,15 +6,18 @@ in an exposure e about the frame's middle. For exposures x of a run's middle tha
     log p(x, y) = -INDEPENDENT sum_kj m_kj(exp(x + y t_k), exp(x + y t_j)),    m_kj = sum q A^2 log(1 + (r / A)^2) / 2
 
 over pairs of frames that are near each other. What softens all frames alike, as lenses and codecs do, is in none of the ratios. Frames that
-are all blurred alike, as of an even pan, tell nothing.
+are all blurred alike, as of an even pan, tell nothing. Compression shortens exposures as it does streaks, so that p(x, y) is averaged over
+p(x - d, y) with what is likely of d.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
+from scipy.special import logsumexp, ndtri
 
 from rsvideo import threads
 from rsvideo.physics.camera import lever
@@ -22,7 +25,7 @@ from rsvideo.restoration.camera_path import CameraPath
 from rsvideo.restoration.clip_motion import Run
 from rsvideo.restoration.movement import groups
 from rsvideo.restoration.parallax import Flow
-from rsvideo.restoration.relative_blur import INDEPENDENT, LONG, Ratio, log_power, misfit, near, ratios
+from rsvideo.restoration.relative_blur import CARRIED_SPREAD, INDEPENDENT, LONG, Ratio, log_power, misfit, near, ratios, shortened
 from rsvideo.restoration.resolution import halved_image
 from rsvideo.restoration.spectrum import SIDE
 from rsvideo.restoration.vibration import exposed
@@ -30,6 +33,7 @@ from rsvideo.restoration.vibration import exposed
 STEP = 1.075  # from one exposure that is tried to the next
 APART = -2, -1, 0, 1, 2  # ratios, by each of which two frames' exposures are tried to differ from their mean
 ROWS = 9  # of a frame, at which the path is evaluated
+_LIKELY = (np.arange(32) + 0.5) / 32  # quantiles of d, over which is averaged
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,9 +43,19 @@ class Pairs:
     exposures: Float[np.ndarray, " tried"]  # s, of either frame's geometric mean, in equal ratios
     times: Float[np.ndarray, "pairs 2"]  # s, of each frame, from the middle of the run
     misfits: Float[np.ndarray, "pairs tried apart"]  # where the first frame's is by so many ratios longer, and the second's shorter: APART
+    bits: float = math.inf  # `Run.bits`
 
     def likelihood(self, exposures: Float[np.ndarray, " x"], changes: Float[np.ndarray, " y"]) -> Float[np.ndarray, "x y"]:
         """log p(x, y), but for a constant, of exposures in s and changes of their logarithm in 1/s."""
+        if math.isinf(self.bits):
+            return self._shown(exposures, changes)
+        at, shorter = np.log(self.exposures), shortened(self.bits) * np.exp(CARRIED_SPREAD * ndtri(_LIKELY))
+        shown = CubicSpline(at, self._shown(self.exposures, changes))
+        each = shown(np.clip(np.log(exposures) - shorter[:, None], at[0], at[-1]))
+        return logsumexp(each, axis=0) - math.log(len(shorter))
+
+    def _shown(self, exposures: Float[np.ndarray, " x"], changes: Float[np.ndarray, " y"]) -> Float[np.ndarray, "x y"]:
+        """The same of exposures as compressed frames show them."""
         at, wanted = np.log(self.exposures), np.log(exposures)[:, None]
         out = np.zeros((len(exposures), len(changes)))
         for (one, other), misfits in zip(self.times, self.misfits, strict=True):
@@ -66,7 +80,8 @@ def compared(
         run.compared.update(_misfits(run, path, flows(), missing, tried))
     held = [pair for pair in wanted if len(run.compared[pair])]
     times = run.begins[np.array(held, int).reshape(-1, 2)] - 0.5 * (run.begins[0] + run.begins[-1])
-    return Pairs(exposures=tried, times=times, misfits=np.array([run.compared[pair] for pair in held]).reshape(-1, len(tried), len(APART)))
+    misfits = np.array([run.compared[pair] for pair in held]).reshape(-1, len(tried), len(APART))
+    return Pairs(exposures=tried, times=times, misfits=misfits, bits=run.bits)
 
 
 def _misfits(

@@ -32,6 +32,7 @@ class Sources:
     rows: int  # as stored
     cols: int
     fps: float | None = None  # None: a photograph
+    bits: float = math.inf  # of a clip: `Stream.bits`
     exposure: Fact[float] | None = None  # seconds; by the file's metadata
     readout: Fact[float] | None = None
     direction: Fact[Direction] | None = None

@@ -1,6 +1,7 @@
 """What a clip's file holds, by its packets and its first picture; what its header promises must be there."""
 
 import contextlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -70,6 +71,7 @@ def probed(path: Path, family: str, file: InputContainer, *, strict: bool) -> St
         colour=colour,
         index=video.index,
         keys=scanned.keys,
+        bits=_bits(video, scanned),
         mended=scanned.mended,
         rotation=shown.rotation,
         display_matrix=matrix,
@@ -107,8 +109,15 @@ class _Scanned:
     times: Int[np.ndarray, " frames"]  # pts of all pictures, rising
     keys: Int[np.ndarray, " keys"]  # of the key pictures
     end: int  # when the last picture ends
+    predicted: int  # bytes, of all pictures but the key ones
     mended: dict[int, int]  # as of Stream
     shown: VideoFrame | None  # the first picture that can be decoded
+
+
+def _bits(video: VideoStream, scanned: _Scanned) -> float:
+    """A stream's `bits`."""
+    count = len(scanned.times) - len(scanned.keys)
+    return 8 * scanned.predicted / (count * math.sqrt(video.height * video.width)) if count else math.inf
 
 
 def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool) -> _Scanned:
@@ -121,7 +130,7 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
     at: list[int | None] = []
     keys: list[int] = []
     durations: list[int] = []
-    shown, held = None, 0
+    shown, held, predicted = None, 0, 0
     for packet in _intact(path, file.demux(video)) if strict else file.demux(video):
         if shown is None:
             with contextlib.suppress(av.error.FFmpegError):
@@ -132,6 +141,8 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
             raise UnreadableError(f"{path} must say when each picture is shown, picture {len(times)} has no time; is it damaged?")
         if packet.is_keyframe:
             keys.append(len(times))
+        else:
+            predicted += packet.size
         held += packet.size
         times.append(packet.pts)
         at.append(packet.pos)
@@ -158,7 +169,7 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
         )
     spacing = int(np.median(np.diff(rising))) if len(rising) > 1 else 1
     end = int(rising[-1]) + (durations[order[-1]] or spacing)
-    return _Scanned(times=rising, keys=np.sort(np.array(times, np.int64)[keys]), end=end, mended=mended, shown=shown)
+    return _Scanned(times=rising, keys=np.sort(np.array(times, np.int64)[keys]), end=end, predicted=predicted, mended=mended, shown=shown)
 
 
 def _intact(path: Path, packets: Iterator[av.Packet]) -> Iterator[av.Packet]:

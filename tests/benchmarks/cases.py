@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -33,11 +33,17 @@ def luma(path: Path) -> list[np.ndarray]:
     return [p.planes[0][..., None].astype(np.float32) / stream.colour.top for p in pictures(stream)]
 
 
-def encoded_anew(source: Path, output: Path, change: Callable[[int, Sequence[np.ndarray]], Sequence[np.ndarray]], quality: int) -> None:
-    """The clip with planes that are made of each picture's number and its planes; by H.264, at one rate."""
+def encoded_anew(
+    source: Path,
+    output: Path,
+    change: Callable[[int, Sequence[np.ndarray]], Sequence[np.ndarray]],
+    options: Mapping[str, str],
+    encoder: str = "libx264",
+) -> None:
+    """The clip with planes that are made of each picture's number and its planes; by an encoder with these options, at one rate."""
     stream = probe(source)
     with av.open(str(output), "w") as file:
-        video = file.add_stream("libx264", rate=Fraction(stream.rate), options={"crf": str(quality)})
+        video = file.add_stream(encoder, rate=Fraction(stream.rate), options=dict(options))
         assert isinstance(video, VideoStream)
         video.width, video.height, video.pix_fmt = stream.cols, stream.rows, "yuv420p"
         context = video.codec_context

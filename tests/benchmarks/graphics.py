@@ -65,7 +65,7 @@ def draw(source: Path, output: Path, over: str, quality: int) -> None:
             shown[c] = np.where(small > 0, 128, planes[c]).astype(np.uint8)
         return shown
 
-    encoded_anew(source, output, with_graphics, quality)
+    encoded_anew(source, output, with_graphics, {"crf": str(quality)})
 
 
 def graphics_of(case: Path, over: str) -> np.ndarray:

@@ -131,7 +131,7 @@ def main() -> None:
         else:
             sources = {"clip.mp4": (case / "clip.mp4", same), "truth.mp4": (case / "truth.mp4", bent(task))}
         for name, (source, change) in sources.items():
-            encoded_anew(source, out / name, partial(warped, found, change), args.quality)
+            encoded_anew(source, out / name, partial(warped, found, change), {"crf": str(args.quality)})
 
 
 if __name__ == "__main__":

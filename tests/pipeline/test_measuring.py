@@ -13,7 +13,7 @@ from rsvideo.config.request import Camera, Measured, Request, Sections
 from rsvideo.physics.camera import Camera as Optics
 from rsvideo.physics.camera import Intrinsics
 from rsvideo.physics.shutter import Direction, ShutterTiming
-from rsvideo.pipeline import measuring
+from rsvideo.pipeline import clip_facts, clip_frames, measuring, methods
 from rsvideo.pipeline.measuring import with_usual
 from rsvideo.pipeline.prepare import prepare
 from rsvideo.pipeline.take import Take
@@ -247,3 +247,15 @@ def test_an_answer_stays_where_points_in_matched_blur_give_none(
     assert better is (before if again.unclear and not before.unclear else again)
     np.testing.assert_allclose(matched[0].exposures, taken)
     assert tried == [None if before.unclear else 0.01]
+
+
+def test_a_clip_s_bits_count_in_what_is_measured_and_in_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = list[Run]()
+    monkeypatch.setattr(exposure, "measured", lambda run, _: runs.append(run) or IN_BLUR)
+    measuring.measured(FILMED.recorded, Camera(), Sources(rows=FILMED.rows, cols=FILMED.cols, fps=RATE, bits=50.0), FILMED.lens.fx)
+    assert {run.bits for run in runs} == {50.0}
+    path = make(tmp_path / "in.mkv", frames=4)
+    assert 0 < (bits := clip_facts.gather(path).shutter.bits) < np.inf
+    task = prepare(Request.of(path, tmp_path / "out.mkv", Sections()))
+    monkeypatch.setattr(exposure, "of_each", lambda run, _: run)
+    assert methods.run_of(task.treatment, clip_frames.decoded(task.stream, 0, 4)).bits == bits

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from scipy.stats import norm
 
 from rsvideo.frame import Frame
 from rsvideo.restoration import exposure, relative_exposure
 from rsvideo.restoration.clip_motion import beside, gather, path_from_tracks
-from rsvideo.restoration.relative_blur import INDEPENDENT
+from rsvideo.restoration.relative_blur import CARRIED, CARRIED_SPREAD, INDEPENDENT
 from rsvideo.restoration.relative_exposure import APART, STEP, Pairs, compared
 from rsvideo.restoration.settings import Settings
 from tests.pipeline.moving import RATE, Moving
@@ -62,6 +63,25 @@ def test_the_likelihood_is_that_of_each_frame_s_own_exposure() -> None:
     first, second = (np.log(wanted)[:, None, None] + changes[:, None] * at for at in times.T)
     expected = -INDEPENDENT * misfit(first, second).sum(axis=-1)
     np.testing.assert_allclose(pairs.likelihood(wanted, changes), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("bits", [15.0, 50.0, 400.0])
+def test_compressed_frames_show_exposures_as_much_shorter_as_codecs_leave_them(bits: float) -> None:
+    """Against the mean over a thousand of what is likely, for misfits that are quadratic in the mean of both logarithms."""
+    tried, seen = np.geomspace(1e-3, 3e-2, 40), np.log(0.006)
+    width = 0.1 * np.sqrt(2 * INDEPENDENT)  # of a likelihood whose standard deviation is 0.1
+    misfits = np.repeat(((np.log(tried) - seen) / width)[:, None] ** 2, len(APART), axis=1)
+    pairs = Pairs(exposures=tried, times=np.zeros((1, 2)), misfits=misfits[None], bits=bits)
+    wanted = np.geomspace(4e-3, 1.2e-2, 9)
+    shorter = np.exp(-bits / CARRIED + CARRIED_SPREAD * norm.ppf((np.arange(1000) + 0.5) / 1000))
+    each = np.exp(-0.5 * ((np.log(wanted)[:, None] - shorter - seen) / 0.1) ** 2)
+    found = np.exp(pairs.likelihood(wanted, np.zeros(1))[:, 0])
+    np.testing.assert_allclose(found, each.mean(axis=1), atol=0.02)
+
+
+def test_a_clip_s_bits_reach_the_likelihood_of_its_exposures() -> None:
+    run = replace(gather(MOVING.recorded[:3], MOVING.camera, Settings()), bits=30.0)
+    assert compared(run, path_from_tracks(run), lambda: [None] * 3, [0], (PERIOD / 64, PERIOD)).bits == 30.0
 
 
 def test_exposures_that_are_tried_are_as_far_apart_as_pairs_are() -> None:

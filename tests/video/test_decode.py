@@ -1,3 +1,4 @@
+import math
 import struct
 import tracemalloc
 from collections.abc import Callable
@@ -15,6 +16,17 @@ from rsvideo.physics.tone import Transfer
 from rsvideo.video.decode import pictures, probe
 from rsvideo.video.stream import Matrix, Picture
 from tests.video.clips import before_0, make, planes, scene, still
+
+
+@pytest.mark.parametrize(("keys", "infinite"), [("4", False), ("1", True)])
+def test_bits_are_those_of_pictures_that_need_others(keys: str, infinite: bool, tmp_path: Path) -> None:
+    path = make(tmp_path / "in.mkv", options={"g": keys})
+    with av.open(str(path)) as file:
+        needing = [packet.size for packet in file.demux(video=0) if packet.size and not packet.is_keyframe]
+    stream = probe(path)
+    assert math.isinf(stream.bits) == infinite == (not needing)
+    if needing:
+        assert stream.bits == pytest.approx(8 * np.mean(needing) / math.sqrt(stream.rows * stream.cols))
 
 
 def same(one: Picture, other: Picture) -> bool:
