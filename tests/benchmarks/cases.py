@@ -7,6 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
@@ -40,7 +41,8 @@ def encoded_anew(
     options: Mapping[str, str],
     encoder: str = "libx264",
 ) -> None:
-    """The clip with planes that are made of each picture's number and its planes; by an encoder with these options, at one rate."""
+    """The clip with planes that are made of each picture's number and its planes, in 8 bits and 4:2:0; by an encoder with these options, at
+    one rate."""
     stream = probe(source)
     with av.open(str(output), "w") as file:
         video = file.add_stream(encoder, rate=Fraction(stream.rate), options=dict(options))
@@ -49,8 +51,16 @@ def encoded_anew(
         context = video.codec_context
         context.color_primaries, context.color_trc, context.colorspace, context.color_range = stream.colour.h273
         for k, picture in enumerate(pictures(stream)):
-            stacked = np.concatenate([plane.ravel() for plane in change(k, picture.planes)]).reshape(-1, stream.cols)
+            stacked = np.concatenate([plane.ravel() for plane in _of_eight_bits(change(k, picture.planes), stream.colour.depth)])
+            stacked = stacked.reshape(-1, stream.cols)
             frame = VideoFrame.from_ndarray(stacked, format="yuv420p")
             frame.pts, frame.time_base, frame.color_range = k, 1 / Fraction(stream.rate), stream.colour.h273[3]
             file.mux(video.encode(frame))
         file.mux(video.encode(None))
+
+
+def _of_eight_bits(planes: Sequence[np.ndarray], depth: int) -> list[np.ndarray]:
+    """Y, U and V as uint8, the latter two of half the size."""
+    size = planes[0].shape[1] // 2, planes[0].shape[0] // 2
+    laid = [planes[0], *(cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes[1:])]
+    return [np.clip(np.rint(plane / (1 << (depth - 8))), 0, 255).astype(np.uint8) for plane in laid]

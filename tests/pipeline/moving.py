@@ -126,9 +126,11 @@ class Moving:
         path.write_text("\n".join([",".join(COLUMNS), *lines]) + "\n")
         return path
 
-    def clip(self, path: Path, *, sound: bool = False) -> Path:
-        """The frames as a file of H.264, or of FFV1 in Matroska."""
-        return encode(path, [planes(r.blurred) for r in self.renderings], sound=sound)
+    def clip(self, path: Path, *, sound: bool = False, bits: float | None = None) -> Path:
+        """The frames as a file of H.264, of so many bits a pixel if they are given, or of FFV1 in Matroska."""
+        rate = bits and str(round(bits * self.rows * self.cols * RATE))
+        small = {"preset": "veryfast", "b": rate, "maxrate": rate, "bufsize": rate} if rate else None
+        return encode(path, [planes(r.blurred) for r in self.renderings], sound=sound, options=small)
 
 
 def planes(light: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -142,12 +144,12 @@ def luma(path: Path) -> list[np.ndarray]:
     return [picture.planes[0] for picture in decode.pictures(decode.probe(path))]
 
 
-def encode(path: Path, pictures: Sequence[tuple[np.ndarray, ...]], *, sound: bool = False) -> Path:
-    """Pictures at RATE, tagged as BT.709."""
+def encode(path: Path, pictures: Sequence[tuple[np.ndarray, ...]], *, sound: bool = False, options: dict[str, str] | None = None) -> Path:
+    """Pictures at RATE, tagged as BT.709; of H.264 with `options`, if they are given."""
     rows, cols = pictures[0][0].shape
     lossless = path.suffix == ".mkv"
     with av.open(str(path), "w") as file:
-        options = {"level": "3", "slicecrc": "1"} if lossless else {"crf": "8"}
+        options = {"level": "3", "slicecrc": "1"} if lossless else options or {"crf": "8"}
         video = file.add_stream("ffv1" if lossless else "libx264", rate=RATE, options=options)
         assert isinstance(video, VideoStream)
         video.width, video.height, video.pix_fmt = cols, rows, "yuv420p"
