@@ -109,15 +109,15 @@ class _Scanned:
     times: Int[np.ndarray, " frames"]  # pts of all pictures, rising
     keys: Int[np.ndarray, " keys"]  # of the key pictures
     end: int  # when the last picture ends
-    predicted: int  # bytes, of all pictures but the key ones
+    predicted: Int[np.ndarray, " others"]  # bytes, of each picture that is no key picture
     mended: dict[int, int]  # as of Stream
     shown: VideoFrame | None  # the first picture that can be decoded
 
 
 def _bits(video: VideoStream, scanned: _Scanned) -> float:
     """A stream's `bits`."""
-    count = len(scanned.times) - len(scanned.keys)
-    return 8 * scanned.predicted / (count * math.sqrt(video.height * video.width)) if count else math.inf
+    sizes = scanned.predicted
+    return 8 * float(np.average(sizes, weights=sizes)) / math.sqrt(video.height * video.width) if len(sizes) else math.inf
 
 
 def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool) -> _Scanned:
@@ -130,7 +130,8 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
     at: list[int | None] = []
     keys: list[int] = []
     durations: list[int] = []
-    shown, held, predicted = None, 0, 0
+    predicted: list[int] = []
+    shown, held = None, 0
     for packet in _intact(path, file.demux(video)) if strict else file.demux(video):
         if shown is None:
             with contextlib.suppress(av.error.FFmpegError):
@@ -142,7 +143,7 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
         if packet.is_keyframe:
             keys.append(len(times))
         else:
-            predicted += packet.size
+            predicted.append(packet.size)
         held += packet.size
         times.append(packet.pts)
         at.append(packet.pos)
@@ -169,7 +170,14 @@ def _scan(path: Path, video: VideoStream, file: InputContainer, *, strict: bool)
         )
     spacing = int(np.median(np.diff(rising))) if len(rising) > 1 else 1
     end = int(rising[-1]) + (durations[order[-1]] or spacing)
-    return _Scanned(times=rising, keys=np.sort(np.array(times, np.int64)[keys]), end=end, predicted=predicted, mended=mended, shown=shown)
+    return _Scanned(
+        times=rising,
+        keys=np.sort(np.array(times, np.int64)[keys]),
+        end=end,
+        predicted=np.array(predicted, np.int64),
+        mended=mended,
+        shown=shown,
+    )
 
 
 def _intact(path: Path, packets: Iterator[av.Packet]) -> Iterator[av.Packet]:

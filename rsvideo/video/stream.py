@@ -103,7 +103,8 @@ class Stream:
     colour: Colour
     index: int = 0  # of the track in its file
     keys: Int[np.ndarray, " keys"] = field(default_factory=lambda: np.zeros(0, np.int64))  # pts of the pictures that need no other, rising
-    bits: float = math.inf  # of a picture that is no key picture, for each px of its side, the root of its pixels; infinite without any
+    bits: float = math.inf  # for each px of a picture's side, the root of its pixels, of those that are no key pictures; the mean, weighted
+    # by themselves, so that pictures of a camera that stands still count little; infinite where all are key pictures
     mended: Mapping[int, int] = field(default_factory=dict)  # pts in place of the stated ones, by the byte at which a packet begins
     rotation: int = 0  # degrees counter-clockwise, as the display matrix says
     display_matrix: tuple[int, ...] | None = None  # nine numbers, as MOV and FFmpeg store them

@@ -26,7 +26,7 @@ def test_bits_are_those_of_pictures_that_need_others(keys: str, infinite: bool, 
     stream = probe(path)
     assert math.isinf(stream.bits) == infinite == (not needing)
     if needing:
-        assert stream.bits == pytest.approx(8 * np.mean(needing) / math.sqrt(stream.rows * stream.cols))
+        assert stream.bits == pytest.approx(8 * np.average(needing, weights=needing) / math.sqrt(stream.rows * stream.cols))
 
 
 def same(one: Picture, other: Picture) -> bool:
