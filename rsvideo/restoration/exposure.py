@@ -18,7 +18,7 @@ with p(y) half at 0 and half in Cauchy's distribution about it: mostly the expos
 Lens and codec leave z px of softness in all frames alike. Variances of blurs add, so that the slower a frame moves, by u_k px/s, the
 longer it seems to have been exposed: the same with p_k(sqrt(exp(x + y t_k)^2 + (z / u_k)^2)) and p(z) tells which exposures softness
 allows. Exposures without it take in how frames' blur differs from each other, too (restoration.relative_exposure), in which softness does
-not show; with a share w of clips in which that misleads: compression carries detail from frame to frame, so that their blur differs less.
+not show, and of which compression leaves less; with a share w of clips in which that misleads.
 """
 
 from collections.abc import Sequence

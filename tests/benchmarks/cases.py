@@ -3,15 +3,16 @@
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
 import av
-import cv2
 import numpy as np
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
+from rsvideo.video.colour import relaid
 from rsvideo.video.decode import pictures, probe
 
 
@@ -44,6 +45,7 @@ def encoded_anew(
     """The clip with planes that are made of each picture's number and its planes, in 8 bits and 4:2:0; by an encoder with these options, at
     one rate."""
     stream = probe(source)
+    written = replace(stream.colour, depth=8, subsampling="4:2:0", chroma_shift=(1, 1), pixel_format="yuv420p")
     with av.open(str(output), "w") as file:
         video = file.add_stream(encoder, rate=Fraction(stream.rate), options=dict(options))
         assert isinstance(video, VideoStream)
@@ -51,16 +53,9 @@ def encoded_anew(
         context = video.codec_context
         context.color_primaries, context.color_trc, context.colorspace, context.color_range = stream.colour.h273
         for k, picture in enumerate(pictures(stream)):
-            stacked = np.concatenate([plane.ravel() for plane in _of_eight_bits(change(k, picture.planes), stream.colour.depth)])
-            stacked = stacked.reshape(-1, stream.cols)
+            laid = relaid(replace(picture, planes=tuple(change(k, picture.planes))), stream.colour, written)
+            stacked = np.concatenate([plane.ravel() for plane in laid.planes]).reshape(-1, stream.cols)
             frame = VideoFrame.from_ndarray(stacked, format="yuv420p")
             frame.pts, frame.time_base, frame.color_range = k, 1 / Fraction(stream.rate), stream.colour.h273[3]
             file.mux(video.encode(frame))
         file.mux(video.encode(None))
-
-
-def _of_eight_bits(planes: Sequence[np.ndarray], depth: int) -> list[np.ndarray]:
-    """Y, U and V as uint8, the latter two of half the size."""
-    size = planes[0].shape[1] // 2, planes[0].shape[0] // 2
-    laid = [planes[0], *(cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes[1:])]
-    return [np.clip(np.rint(plane / (1 << (depth - 8))), 0, 255).astype(np.uint8) for plane in laid]
